@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <vector>
+
+#include "engine/features/feature_extractor.h"
+
+namespace viewfix {
+
+// Keeps the best key points of an image, spread over it: the image is divided
+// into square cells for about 40 features each; a cell keeps its strongest 30 % of
+// that for certain, and what is left of `max_features` goes to the strongest of the
+// others wherever they are, but no more than 64 to any cell. Equal responses are
+// ordered by place, so the choice never depends on the order of Add().
+//
+// More certain features a cell make features more repeatable under uneven light,
+// fewer under rotation; so these values were chosen with feature_repeatability.
+//
+// Memory is allocated by the constructor alone. One instance serves one thread.
+class GridSelector {
+ public:
+  // max_image_side and max_features >= 1.
+  GridSelector(int max_image_side, int max_features);
+
+  // Forgets all points; the next ones lie in an image of this size, pixels, both
+  // sides within 1..max_image_side.
+  void Start(int width, int height);
+
+  // Points outside the image count to the nearest cell.
+  void Add(const Keypoint& keypoint);
+
+  // Clears `selected` (capacity >= max_features) and appends the chosen points:
+  // cells row by row, strongest first inside a cell.
+  void Select(FeatureSet& selected);
+
+ private:
+  Keypoint* CellBegin(int cell);
+  int CellIndex(const Keypoint& keypoint) const;
+  void RankCells();
+
+  int max_features_;
+  int cell_side_ = 1;  // pixels
+  int columns_ = 0;
+  int rows_ = 0;
+  std::vector<Keypoint> keypoints_;          // [cells][kCellCapacity]
+  std::vector<int> sizes_;                   // [cells] points held
+  std::vector<int> kept_;                    // [cells] points selected, the strongest ones
+  std::vector<const Keypoint*> runners_up_;  // points that no cell keeps for certain
+};
+
+}  // namespace viewfix

@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/image/resize.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cstddef>
+
+namespace viewfix {
+
+// A side of `source` pixels becomes `target` pixels. Lengths are counted so that
+// they are whole: a source pixel is `target` long, a target pixel `source`.
+
+ImageSize ShrunkSize(int width, int height, int max_side) {
+  const int longest = std::max(width, height);
+  if (longest <= max_side) return {width, height};
+  const auto shrink = [&](int side) {
+    const std::int64_t rounded = (std::int64_t{2} * side * max_side + longest) / (2 * longest);
+    return std::max(1, static_cast<int>(rounded));
+  };
+  return {shrink(width), shrink(height)};
+}
+
+Shrinker::Shrinker(int max_side)
+    : max_side_(max_side),
+      column_sums_(kMaxImageSide),
+      pixels_(std::size_t(max_side) * std::size_t(max_side)) {}
+
+void Shrinker::SumRows(const ImageView& image, int target_y, int target_height) {
+  std::fill_n(column_sums_.begin(), image.width, 0U);
+  const int begin = target_y * image.height;
+  const int end = begin + image.height;
+  for (int y = begin / target_height; y * target_height < end; ++y) {
+    const int covered = std::min(end, (y + 1) * target_height) - std::max(begin, y * target_height);
+    const auto weight = static_cast<std::uint32_t>(covered);
+    const std::uint8_t* row = image.Row(y);
+    for (int x = 0; x < image.width; ++x) column_sums_[x] += weight * row[x];
+  }
+}
+
+void Shrinker::AverageColumns(const ImageView& image, ImageSize target, std::uint8_t* row) const {
+  const std::uint64_t area = std::uint64_t(image.width) * std::uint64_t(image.height);
+  for (int target_x = 0; target_x < target.width; ++target_x) {
+    const int begin = target_x * image.width;
+    const int end = begin + image.width;
+    std::uint64_t sum = area / 2;
+    for (int x = begin / target.width; x * target.width < end; ++x) {
+      const int covered = std::min(end, (x + 1) * target.width) - std::max(begin, x * target.width);
+      sum += std::uint64_t(covered) * column_sums_[x];
+    }
+    row[target_x] = static_cast<std::uint8_t>(sum / area);
+  }
+}
+
+ImageView Shrinker::ShrinkToSide(const ImageView& image) {
+  assert(!image.empty() && image.width <= kMaxImageSide && image.height <= kMaxImageSide);
+  const ImageSize target = ShrunkSize(image.width, image.height, max_side_);
+  if (target.width == image.width && target.height == image.height) return image;
+  for (int y = 0; y < target.height; ++y) {
+    SumRows(image, y, target.height);
+    AverageColumns(image, target, pixels_.data() + std::size_t(y) * std::size_t(target.width));
+  }
+  return {pixels_.data(), target.width, target.height, target.width};
+}
+
+}  // namespace viewfix

@@ -1,0 +1,97 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+
+#include "engine/base/status.h"
+#include "engine/features/feature_extractor.h"
+#include "engine/image/image_view.h"
+#include "engine/vocabulary/vocabulary.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// Fewer features than this describe no place.
+inline constexpr int kMinFeatures = 16;
+
+// Why a frame was not localized, or why its fix is doubtful. Bits of Fix::reasons.
+enum Reason : std::uint32_t {
+  kTooFewFeatures = 1U << 0,
+  kUnknownPlace = 1U << 1,
+  kAmbiguous = 1U << 2,
+};
+// "too_few_features", ...: the names used in JSON.
+const char* ReasonName(Reason reason);
+inline constexpr Reason kAllReasons[] = {kTooFewFeatures, kUnknownPlace, kAmbiguous};
+
+// Milliseconds by stage; zero when the options carry no clock.
+struct StageTimes {
+  float features = 0;
+  float score = 0;
+  float verify = 0;
+  float pose = 0;
+  float total = 0;
+};
+
+struct Fix {
+  static constexpr int kMaxRivals = 4;
+
+  bool localized = false;
+  std::uint32_t reasons = 0;  // bits of Reason
+  // Best guess, also when not localized; -1: none. Indices into the model's tables.
+  int location_idx = -1;
+  int pair_idx = -1;      // (location, view)
+  int keyframe_idx = -1;  // nearest by histogram inside the pair
+  float confidence = 0;   // 0..1, probability that the location is right
+  float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
+  float margin = 0;       // best location's score less the best other location's
+  int num_rivals = 0;     // other locations close to the best, best first
+  int rivals[kMaxRivals] = {};
+  int num_features = 0;
+  StageTimes ms;
+};
+
+struct LocalizerOptions {
+  // Nanoseconds of a monotonic clock, for StageTimes; null: not measured. The engine
+  // itself has no clock, and no result depends on this one.
+  std::int64_t (*now_ns)() = nullptr;
+  // A location counts as a rival when its score is within this of the best.
+  float rival_margin = 0.25F;
+};
+
+// What a caller knows before looking. Nothing yet: the place for the last pose.
+struct Prior {};
+
+// The engine. Create() checks and allocates everything; Localize() allocates nothing,
+// bounds every loop and is deterministic. One instance serves one thread.
+class Localizer {
+ public:
+  // `model` is borrowed and must outlive the localizer. `extractor`: features other than
+  // the board's own (laptop only); null: made from the model's options. kUnsupported: the
+  // model's features cannot be reproduced by this build.
+  static Result<Localizer> Create(const ModelView& model, const LocalizerOptions& options,
+                                  std::unique_ptr<FeatureExtractor> extractor = nullptr);
+  Localizer(Localizer&&) noexcept;
+  Localizer& operator=(Localizer&&) noexcept;
+  ~Localizer();
+
+  // Where `image` was taken. Not knowing is an answer (Fix::localized == false, with
+  // reasons). Errors: an empty view, or one larger than kMaxImageSide / kMaxImagePixels.
+  Result<Fix> Localize(const ImageView& image, const Prior& prior = {});
+
+  // Of the last Localize(): the score of every (location, view) pair, and of every location
+  // (zero where the frame was not scored), and the histogram of visual words.
+  std::span<const float> pair_scores() const;
+  std::span<const float> location_scores() const;
+  const Histogram& histogram() const;
+
+ private:
+  struct State;
+  explicit Localizer(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace viewfix

@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/vocabulary/vocabulary.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// Keyframes near a histogram. Allocates in the constructor only. One instance serves one
+// thread; the model's bytes must outlive it.
+class Retrieval {
+ public:
+  Retrieval(const ModelKeyframes& keyframes, HistogramMap map, int num_words, int num_pairs);
+
+  // Sets the histogram that the calls below compare with.
+  void SetQuery(const Histogram& query);
+  // Keyframes of a pair: [first, last).
+  int FirstOf(int pair_idx) const { return first_of_pair_[pair_idx]; }
+  int LastOf(int pair_idx) const { return first_of_pair_[pair_idx + 1]; }
+  // q'h - |h|^2 / 2: orders keyframes as their Euclidean distance to the query does.
+  float Similarity(int keyframe_idx) const;
+  // The most similar of keyframes [first, last); the lowest index among equals; -1: none.
+  int Nearest(int first, int last) const;
+
+ private:
+  ModelKeyframes keyframes_;
+  HistogramMap map_;
+  std::vector<float> query_;        // [words] dense
+  std::vector<std::uint16_t> query_words_;
+  std::vector<int> first_of_pair_;  // [pairs + 1]
+  std::vector<int> total_;          // [keyframes] sum of counts
+  std::vector<float> norm2_;        // [keyframes] |h|^2
+};
+
+}  // namespace viewfix

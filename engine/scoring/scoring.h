@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+
+#include "engine/vocabulary/vocabulary.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// Correlation scores of every (location, view), eq. (5) of the method:
+//   f_p = bias_p + weight_scale_p * sum_w h_w weights_{w,p}
+// Lane-wise float arithmetic over pairs, words ascending: the same bits everywhere.
+//   scores [pairs]. No allocation.
+void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores);
+
+// A location's score from its pairs' scores, by the model's rule.
+//   pair_scores [pairs], location_scores [locations]. No allocation.
+void ScoreLocations(const ModelScoring& model, std::span<const float> pair_scores,
+                    std::span<float> location_scores);
+
+// The pair of `location_idx` that scores highest; the lowest index among equals.
+int BestPairOf(const ModelScoring& model, std::span<const float> pair_scores, int location_idx);
+
+}  // namespace viewfix

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/vocabulary/vocabulary.h"
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace viewfix {
+namespace {
+
+// Words and descriptors are compared in blocks, so that what is loaded serves several dot
+// products: 4 sums fill the registers, 8 descriptors stay in the first cache.
+constexpr int kWordBlock = 4;
+constexpr int kDescriptorBlock = 8;
+constexpr int kMaxDim = 128;
+
+using WordSums = std::array<std::int32_t, kWordBlock>;
+
+// descriptor'c for the words of a block. kDim: the dimension where it is known to the
+// compiler, which then needs no loop; 0: `dim` says.
+template <int kDim>
+WordSums DotBlock(const std::int16_t* descriptor, const std::int16_t* words, int dim) {
+  const int n = kDim > 0 ? kDim : dim;
+  std::int32_t sum0 = 0, sum1 = 0, sum2 = 0, sum3 = 0;
+  for (int i = 0; i < n; ++i) {
+    sum0 += std::int32_t{descriptor[i]} * words[i];
+    sum1 += std::int32_t{descriptor[i]} * words[n + i];
+    sum2 += std::int32_t{descriptor[i]} * words[2 * n + i];
+    sum3 += std::int32_t{descriptor[i]} * words[3 * n + i];
+  }
+  return {sum0, sum1, sum2, sum3};
+}
+
+// words [size, dim] and norm2 [size], size a multiple of kWordBlock; descriptors [n, dim],
+// n <= kDescriptorBlock
+template <int kDim>
+void FindNearest(const std::int16_t* descriptors, int n, const std::int16_t* words,
+                 const std::int32_t* norm2, int size, int dim, std::uint16_t* words_out) {
+  std::array<std::int32_t, kDescriptorBlock> best;
+  best.fill(std::numeric_limits<std::int32_t>::min());
+  for (int block = 0; block < size; block += kWordBlock) {
+    const std::int16_t* block_words = words + std::size_t(block) * dim;
+    for (int i = 0; i < n; ++i) {
+      const WordSums sums = DotBlock<kDim>(descriptors + i * dim, block_words, dim);
+      for (int w = 0; w < kWordBlock; ++w) {
+        const std::int32_t similarity = 2 * sums[w] - norm2[block + w];
+        if (similarity <= best[i]) continue;
+        best[i] = similarity;
+        words_out[i] = static_cast<std::uint16_t>(block + w);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+// The last word is repeated to fill its block: an equal never wins against a lower index.
+Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim)
+    : dim_(dim), size_(static_cast<int>(words.size()) / dim), words_(words.begin(), words.end()) {
+  while (words_.size() % (std::size_t(kWordBlock) * dim) != 0) {
+    words_.push_back(words_[words_.size() - dim]);
+  }
+  for (std::size_t w = 0; w < words_.size(); w += dim) {
+    std::int32_t norm2 = 0;
+    for (int i = 0; i < dim; ++i) norm2 += std::int32_t{words_[w + i]} * words_[w + i];
+    norm2_.push_back(norm2);
+  }
+}
+
+void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors,
+                              std::span<std::uint16_t> words_out) const {
+  std::array<std::int16_t, kDescriptorBlock * kMaxDim> widened;
+  assert(dim_ <= kMaxDim);
+  const auto find = dim_ == 64 ? FindNearest<64> : dim_ == 128 ? FindNearest<128> : FindNearest<0>;
+  for (std::size_t begin = 0; begin < words_out.size(); begin += kDescriptorBlock) {
+    const std::size_t n = std::min<std::size_t>(kDescriptorBlock, words_out.size() - begin);
+    std::copy_n(descriptors.begin() + begin * dim_, n * dim_, widened.begin());
+    find(widened.data(), static_cast<int>(n), words_.data(), norm2_.data(),
+         static_cast<int>(norm2_.size()), dim_, &words_out[begin]);
+  }
+}
+
+float MapCount(HistogramMap map, int count, int total) {
+  const float share = static_cast<float>(count) / static_cast<float>(total);
+  return map == HistogramMap::kHellinger ? std::sqrt(share) : share;
+}
+
+HistogramBuilder::HistogramBuilder(int num_words, int max_features, HistogramMap map)
+    : map_(map), max_entries_(std::min(num_words, max_features)), counts_(num_words, 0) {}
+
+Histogram HistogramBuilder::MakeHistogram() const {
+  Histogram histogram;
+  histogram.words.reserve(max_entries_);
+  histogram.counts.reserve(max_entries_);
+  histogram.values.reserve(max_entries_);
+  return histogram;
+}
+
+void HistogramBuilder::Build(std::span<const std::uint16_t> words, Histogram& histogram) {
+  histogram.words.clear();
+  histogram.counts.clear();
+  histogram.values.clear();
+  for (const std::uint16_t word : words) {
+    if (counts_[word]++ == 0) histogram.words.push_back(word);
+  }
+  std::sort(histogram.words.begin(), histogram.words.end());
+  int total = 0;
+  for (const std::uint16_t word : histogram.words) {
+    const int count = std::min<int>(counts_[word], 255);
+    counts_[word] = 0;
+    total += count;
+    histogram.counts.push_back(static_cast<std::uint8_t>(count));
+  }
+  for (const std::uint8_t count : histogram.counts) {
+    histogram.values.push_back(MapCount(map_, count, total));
+  }
+}
+
+}  // namespace viewfix

@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/features/feature_extractor.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// Visual words: finds the cluster centre nearest to a descriptor. Allocates in the
+// constructor only. Thread-safe.
+class Vocabulary {
+ public:
+  //   words [num_words, dim] signed bytes, word after word, as descriptors are; copied
+  Vocabulary(std::span<const std::int8_t> words, int dim);
+
+  int size() const { return size_; }
+  int dim() const { return dim_; }
+
+  // argmin_w |d - c_w|^2 = argmax_w d'c_w - |c_w|^2 / 2, exact in integers; the lowest
+  // index among equals.
+  //   descriptors [n, dim]   words_out [n]
+  void NearestWords(std::span<const std::int8_t> descriptors,
+                    std::span<std::uint16_t> words_out) const;
+
+ private:
+  int dim_;
+  int size_;
+  std::vector<std::int16_t> words_;  // [blocks * 4, dim], widened once
+  std::vector<std::int32_t> norm2_;  // [blocks * 4] |c|^2
+};
+
+// h(x) of eq. (5): how often each visual word occurs in an image, as a sparse vector.
+struct Histogram {
+  std::vector<std::uint16_t> words;  // ascending
+  std::vector<std::uint8_t> counts;  // same order, 1..255
+  std::vector<float> values;         // same order: the mapped counts
+
+  int size() const { return static_cast<int>(words.size()); }
+};
+
+// h of one count: count / total (L1), or its square root (Hellinger map).
+float MapCount(HistogramMap map, int count, int total);
+
+// Counts words into histograms. Reuses its memory: no allocation after construction when
+// the histogram has capacity.
+class HistogramBuilder {
+ public:
+  HistogramBuilder(int num_words, int max_features, HistogramMap map);
+  // A histogram with room for any image.
+  Histogram MakeHistogram() const;
+  //   words [n] in any order, n <= max_features
+  void Build(std::span<const std::uint16_t> words, Histogram& histogram);
+
+ private:
+  HistogramMap map_;
+  int max_entries_;
+  std::vector<std::uint16_t> counts_;  // [num_words], zero between calls
+};
+
+}  // namespace viewfix

@@ -1,0 +1,112 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "firmware_tools/cli/commands.h"
+#include "firmware_tools/cli/terminal.h"
+#include "firmware_tools/dataset/tool_file.h"
+#include "firmware_tools/evaluation/evaluate.h"
+
+namespace viewfix {
+namespace {
+
+struct EvalFlags {
+  std::string set;
+  std::string model;
+  std::string split = "test";
+  std::string unknown;
+  std::string json;
+};
+
+std::string Percent(const nlohmann::ordered_json& share) {
+  if (share.is_null()) return "-";
+  char text[16];
+  std::snprintf(text, sizeof text, "%.1f %%", 100 * share.get<double>());
+  return text;
+}
+
+std::string Percents(const nlohmann::ordered_json& shares) {
+  std::string text;
+  for (const auto& share : shares) text += (text.empty() ? "" : " / ") + Percent(share);
+  return text.empty() ? "-" : text;
+}
+
+void PrintFigures(const nlohmann::ordered_json& f) {
+  std::printf("images              %d (%d skipped)\n", f["images"].get<int>(),
+              f["skipped"].get<int>());
+  std::printf("location, by level  %s\n", Percents(f["location"]["by_level"]).c_str());
+  std::printf("view                %s\n", Percent(f["view"]["accuracy"]).c_str());
+  std::printf("nearest keyframe    %s  (location by histogram alone)\n",
+              Percents(f["nearest_keyframe"]["by_level"]).c_str());
+  const auto& retrieval = f["retrieval"];
+  std::printf("right among best    1: %s, 5: %s, 20: %s\n",
+              Percent(retrieval["recall_at"]["1"]).c_str(),
+              Percent(retrieval["recall_at"]["5"]).c_str(),
+              Percent(retrieval["recall_at"]["20"]).c_str());
+  std::printf("keyframe <= 1 m/30  %s\n", Percent(retrieval["within_1m_30deg"]).c_str());
+  std::printf("answered            %s, of these wrong %s\n",
+              Percent(f["refusal"]["answered"]).c_str(),
+              Percent(f["refusal"]["wrong_of_answered"]).c_str());
+  if (!f["unknown"].is_null()) {
+    std::printf("unknown places      %s answered\n", Percent(f["unknown"]["localized"]).c_str());
+  }
+  const auto& ms = f["latency_ms"];
+  if (!ms["p50"].is_null()) {
+    std::printf("latency             p50 %.1f ms, p99 %.1f ms (features p50 %.1f ms)\n",
+                ms["p50"].get<double>(), ms["p99"].get<double>(),
+                ms["stages"]["features"]["p50"].get<double>());
+  }
+}
+
+EvaluateOptions OptionsOf(const EvalFlags& flags) {
+  using Split = EvaluateOptions::Split;
+  EvaluateOptions options;
+  options.split = flags.split == "test"    ? Split::kTest
+                  : flags.split == "train" ? Split::kTrain
+                                           : Split::kAll;
+  return options;
+}
+
+void RunEval(const EvalFlags& flags) {
+  if (!flags.json.empty()) CheckCanWrite(flags.json);
+  const auto bytes = ReadModelFile(flags.model);
+  const Result<ModelView> model = ModelView::Open(bytes);
+  if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
+  const ImageSet set = LoadImageSet(flags.set);
+  const Evaluation evaluation =
+      Evaluate(set, *model, OptionsOf(flags), ShowProgress("evaluating"));
+  std::unique_ptr<Evaluation> unknown;
+  if (!flags.unknown.empty()) {
+    EvaluateOptions all;
+    all.split = EvaluateOptions::Split::kAll;
+    unknown = std::make_unique<Evaluation>(
+        Evaluate(LoadImageSet(flags.unknown), *model, all, ShowProgress("unknown places")));
+  }
+  for (const std::string& skipped : evaluation.skipped) {
+    std::fprintf(stderr, "warning: skipped %s\n", skipped.c_str());
+  }
+  const auto figures = FiguresAsJson(set, evaluation, unknown.get());
+  if (!flags.json.empty()) WriteTextFile(flags.json, figures.dump(1) + "\n");
+  PrintFigures(figures);
+}
+
+}  // namespace
+
+void AddEval(CLI::App& app) {
+  auto flags = std::make_shared<EvalFlags>();
+  CLI::App* command = app.add_subcommand(
+      "eval", "measure a model on a set\nExample: viewfix eval museum --model museum.vfx");
+  command->add_option("set", flags->set, "folder of an image set, or its CSV")->required();
+  command->add_option("--model", flags->model, "the model file")->required();
+  command->add_option("--split", flags->split, "which images: test, train or all")
+      ->check(CLI::IsMember({"test", "train", "all"}))
+      ->capture_default_str();
+  command->add_option("--unknown", flags->unknown,
+                      "a set of other places: what share of it is answered");
+  command->add_option("--json", flags->json, "write every figure to this file");
+  command->callback([flags] { RunEval(*flags); });
+}
+
+}  // namespace viewfix

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/cli/feature_flags.h"
+
+#include <map>
+#include <string>
+
+namespace viewfix {
+
+void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
+  static const std::map<std::string, FeatureType> kTypes = {{"surf", FeatureType::kSurf},
+                                                            {"sift", FeatureType::kSift}};
+  command.add_option("--features", options.type, "surf, or sift (models for the laptop only)")
+      ->transform(CLI::CheckedTransformer(kTypes));
+  command.add_option("--max-features", options.max_features, "features an image")
+      ->check(CLI::Range(16, 8192))
+      ->capture_default_str();
+  command.add_option("--max-side", options.max_image_side,
+                     "larger images are shrunk to this longest side, pixels")
+      ->check(CLI::Range(64, 4096))
+      ->capture_default_str();
+  command.add_flag("--upright", options.upright, "no orientation: for cameras that never roll");
+}
+
+}  // namespace viewfix

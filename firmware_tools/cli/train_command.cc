@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <CLI/CLI.hpp>
+#include <charconv>
+#include <cstdio>
+#include <memory>
+
+#include "firmware_tools/cli/commands.h"
+#include "firmware_tools/cli/feature_flags.h"
+#include "firmware_tools/cli/terminal.h"
+#include "firmware_tools/evaluation/check_set.h"
+#include "firmware_tools/training/trainer.h"
+#include "platform/file.h"
+
+namespace viewfix {
+namespace {
+
+struct TrainFlags {
+  std::string set;
+  std::string out;
+  std::string views = "auto";
+  std::string map = "auto";
+  std::string histogram = "hellinger";
+  std::string negatives = "auto";
+  double c = 0;
+  double beta = 0;
+  TrainOptions options;
+};
+
+void ApplyViews(const std::string& text, LabelOptions& labels) {
+  using Views = LabelOptions::Views;
+  if (text == "auto" || text == "labels") {
+    labels.views = text == "auto" ? Views::kAuto : Views::kLabels;
+    return;
+  }
+  labels.views = Views::kCount;
+  const auto [end, error] =
+      std::from_chars(text.data(), text.data() + text.size(), labels.view_count);
+  const bool whole = error == std::errc() && end == text.data() + text.size();
+  if (!whole || labels.view_count < 1 || labels.view_count > 64) {
+    throw CLI::ValidationError("--views", "takes auto, labels, or a number from 1 to 64");
+  }
+}
+
+TrainOptions OptionsOf(const TrainFlags& flags) {
+  TrainOptions options = flags.options;
+  ApplyViews(flags.views, options.labels);
+  options.histogram_map = flags.histogram == "l1" ? HistogramMap::kL1 : HistogramMap::kHellinger;
+  options.use_poses = flags.map != "none";
+  if (flags.c > 0) options.c = flags.c;
+  if (flags.beta > 0) options.beta = flags.beta;
+  if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
+  return options;
+}
+
+void CheckPosesAskedFor(const TrainFlags& flags, const ImageSet& set) {
+  if (flags.map != "poses") return;
+  for (const ImageRecord& image : set.images) {
+    if (image.pose) return;
+  }
+  throw ToolError(set.source.string() +
+                  ": --map poses needs poses (columns tx,ty,tz,qx,qy,qz,qw)");
+}
+
+// What `viewfix check` would say of labels and appearance, and what was skipped.
+void PrintWarnings(const ImageSet& set, const Preparation& prepared) {
+  std::vector<Finding> findings = CheckLabels(set);
+  const std::vector<Finding> more = CheckAppearance(set, prepared);
+  findings.insert(findings.end(), more.begin(), more.end());
+  for (const std::string& warning : prepared.warnings) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  for (const Finding& finding : findings) {
+    if (finding.severity == Severity::kNote) continue;
+    std::fprintf(stderr, "%s: %s\n", SeverityName(finding.severity), finding.text.c_str());
+  }
+}
+
+void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_t bytes) {
+  std::printf("%s: %zu locations, %zu views of them, %zu keyframes, %zu words, %.2f MB\n",
+              flags.out.c_str(), result.model.locations.size(), result.model.pair_location.size(),
+              result.model.keyframe_pair.size(),
+              result.model.words.size() / result.model.features.descriptor_dim,
+              static_cast<double>(bytes) / 1e6);
+  const HeldOut& chosen = result.chosen;
+  std::printf("held-out blocks: location right %.1f %%, view right %.1f %%  (C %g, beta %g)\n",
+              100 * chosen.location_accuracy, 100 * chosen.view_accuracy, chosen.options.c,
+              chosen.options.beta);
+}
+
+void RunTrain(const TrainFlags& flags) {
+  const TrainOptions options = OptionsOf(flags);
+  CheckCanWrite(flags.out);
+  const ImageSet set = LoadImageSet(flags.set);
+  CheckPosesAskedFor(flags, set);
+  const Preparation prepared = Prepare(set, options, ShowProgress);
+  PrintWarnings(set, prepared);
+  const TrainResult result = Train(set, prepared, options, ShowProgress);
+  const auto bytes = WriteModel(result.model);
+  if (!bytes.ok()) throw ToolError(flags.out + ": " + bytes.status().text());
+  const Status status = WriteFileAtomically(flags.out, *bytes);
+  if (!status.ok()) {
+    throw ToolError(std::string(status.text()) + ": " + std::string(status.detail()));
+  }
+  PrintSummary(flags, result, bytes->size());
+}
+
+}  // namespace
+
+void AddTrain(CLI::App& app) {
+  auto flags = std::make_shared<TrainFlags>();
+  CLI::App* command = app.add_subcommand(
+      "train", "make a model from an image set\nExample: viewfix train museum --out museum.vfx");
+  command->add_option("set", flags->set, "folder of an image set, or its CSV")->required();
+  command->add_option("--out", flags->out, "the model file to write")->required();
+  command->add_option("--words", flags->options.num_words, "visual words")
+      ->check(CLI::Range(2, 65535))
+      ->capture_default_str();
+  command->add_option("--views", flags->views, "auto, labels, or how many a location has")
+      ->capture_default_str();
+  command
+      ->add_option("--map", flags->map,
+                   "poses: keep the set's poses; none: no poses; auto: poses where given")
+      ->check(CLI::IsMember({"auto", "poses", "none"}))
+      ->capture_default_str();
+  command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
+      ->check(CLI::IsMember({"hellinger", "l1"}))
+      ->capture_default_str();
+  command->add_option("--cost", flags->c, "C of the SVM; chosen on held-out blocks if not given")
+      ->check(CLI::PositiveNumber);
+  command->add_option("--beta", flags->beta, "beta of the SVM; chosen likewise")
+      ->check(CLI::PositiveNumber);
+  command
+      ->add_option("--negatives", flags->negatives,
+                   "of a view: others (other locations), all (also this location's other views), "
+                   "auto (chosen likewise)")
+      ->check(CLI::IsMember({"auto", "others", "all"}))
+      ->capture_default_str();
+  AddFeatureFlags(*command, flags->options.features);
+  command->add_option("--seed", flags->options.seed, "seed of the vocabulary")
+      ->capture_default_str();
+  command->add_option("--jobs", flags->options.jobs, "threads; 0: all cores")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->callback([flags] { RunTrain(*flags); });
+}
+
+}  // namespace viewfix

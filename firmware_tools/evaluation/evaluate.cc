@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/evaluation/evaluate.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <numeric>
+
+#include "engine/retrieval/retrieval.h"
+#include "firmware_tools/dataset/image_loader.h"
+#include "firmware_tools/training/feature_store.h"
+#include "platform/clock.h"
+
+namespace viewfix {
+namespace {
+
+std::vector<int> ImagesOf(const ImageSet& set, EvaluateOptions::Split split) {
+  using Split = EvaluateOptions::Split;
+  std::vector<int> idxs;
+  for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
+    const bool test = set.images[i].is_test;
+    if (split == Split::kAll || test == (split == Split::kTest)) idxs.push_back(i);
+  }
+  if (idxs.empty()) {
+    throw ToolError(set.source.string() + ": no " +
+                    (split == Split::kTest ? "test" : "training") + " images");
+  }
+  return idxs;
+}
+
+Localizer MakeLocalizer(const ModelView& model) {
+  const ModelFeatures& f = model.features();
+  LocalizerOptions options;
+  options.now_ns = &MonotonicNs;
+  auto extractor = MakeExtractor({.type = static_cast<FeatureType>(f.type),
+                                  .max_image_side = f.max_image_side,
+                                  .max_features = f.max_features,
+                                  .upright = f.upright,
+                                  .threshold = f.threshold});
+  auto localizer = Localizer::Create(model, options, std::move(extractor));
+  if (!localizer.ok()) throw ToolError(localizer.status().text());
+  return std::move(*localizer);
+}
+
+int LocationOfKeyframe(const ModelView& model, int keyframe_idx) {
+  return model.scoring().pair_location[model.keyframes().pair[keyframe_idx]];
+}
+
+int FindLocation(const ModelView& model, const std::string& name) {
+  for (int l = 0; l < model.scoring().num_locations; ++l) {
+    if (model.location_name(l) == name) return l;
+  }
+  return -1;
+}
+
+// Keyframes, all of them, by similarity to the last frame.
+void RankKeyframes(const ModelView& model, const Histogram& histogram, Retrieval& retrieval,
+                   int truth, FrameResult& result) {
+  const int size = model.keyframes().size;
+  retrieval.SetQuery(histogram);
+  std::vector<float> similarity(size);
+  for (int k = 0; k < size; ++k) similarity[k] = retrieval.Similarity(k);
+  std::vector<int> order(size);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return similarity[a] > similarity[b]; });
+  result.nearest_location = model.location_name(LocationOfKeyframe(model, order[0]));
+  for (int rank = 0; rank < size && result.nearest_rank == 0; ++rank) {
+    if (LocationOfKeyframe(model, order[rank]) == truth) result.nearest_rank = rank + 1;
+  }
+}
+
+void CompareKeyframe(const ModelView& model, const ImageRecord& image, FrameResult& result) {
+  const int k = result.fix.keyframe_idx;
+  if (k < 0 || !image.pose || model.keyframes().has_pose[k] == 0) return;
+  const auto row = model.keyframes().pose.subspan(std::size_t(k) * 7, 7);
+  const Eigen::Vector3d position(row[0], row[1], row[2]);
+  const Eigen::Quaterniond rotation(row[6], row[3], row[4], row[5]);
+  result.keyframe_distance = (position - image.pose->cam_in_world).norm();
+  result.keyframe_angle_deg =
+      rotation.normalized().angularDistance(image.pose->world_from_cam) * 180 / std::numbers::pi;
+}
+
+void Describe(const ModelView& model, const Localizer& localizer, const ImageRecord& image,
+              Retrieval& retrieval, FrameResult& result) {
+  if (result.fix.location_idx < 0) return;
+  result.location = model.location_name(result.fix.location_idx);
+  result.view = model.view_name(model.scoring().pair_view[result.fix.pair_idx]);
+  const int truth = FindLocation(model, image.location);
+  if (truth >= 0) {
+    const auto scores = localizer.location_scores();
+    result.location_rank = 1 + static_cast<int>(std::count_if(
+                                   scores.begin(), scores.end(),
+                                   [&](float s) { return s > scores[truth]; }));
+  }
+  RankKeyframes(model, localizer.histogram(), retrieval, truth, result);
+  CompareKeyframe(model, image, result);
+}
+
+}  // namespace
+
+Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,
+                    const Progress& progress) {
+  Evaluation evaluation;
+  evaluation.model_bytes = model.bytes().size();
+  const auto record = nlohmann::json::parse(model.record(), nullptr, false);
+  evaluation.model_has_view_labels =
+      record.is_object() && record.value("view_source", "") == "labels";
+  const std::vector<int> idxs = ImagesOf(set, options.split);
+  Localizer localizer = MakeLocalizer(model);
+  Retrieval retrieval(model.keyframes(), model.scoring().histogram_map,
+                      model.vocabulary().num_words, model.scoring().num_pairs);
+  for (int n = 0; n < static_cast<int>(idxs.size()); ++n) {
+    const ImageRecord& image = set.images[idxs[n]];
+    FrameResult result;
+    result.image_idx = idxs[n];
+    try {
+      const GreyImage pixels = LoadGreyImage(set.FullPath(image));
+      const Result<Fix> fix = localizer.Localize(pixels.view());
+      if (!fix.ok()) throw ToolError(set.FullPath(image).string() + ": " + fix.status().text());
+      result.fix = *fix;
+      Describe(model, localizer, image, retrieval, result);
+      evaluation.frames.push_back(std::move(result));
+    } catch (const ToolError& error) {
+      evaluation.skipped.push_back(error.what());
+    }
+    if (progress) progress(n + 1, static_cast<int>(idxs.size()));
+  }
+  if (evaluation.skipped.size() * 5 > idxs.size()) {
+    throw ToolError(set.source.string() + ": " + std::to_string(evaluation.skipped.size()) +
+                    " of " + std::to_string(idxs.size()) + " images could not be read, the first: " +
+                    evaluation.skipped.front());
+  }
+  return evaluation;
+}
+
+}  // namespace viewfix

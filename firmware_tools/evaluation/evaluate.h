@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "engine/localizer.h"
+#include "firmware_tools/common/parallel.h"
+#include "firmware_tools/dataset/image_set.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// What the engine said of one image, beside the truth.
+struct FrameResult {
+  int image_idx = 0;
+  Fix fix;
+  std::string location;          // best guess; empty: none
+  std::string view;
+  int location_rank = 0;         // of the right location among all by score, from 1; 0: unknown
+  std::string nearest_location;  // location of the nearest keyframe of all
+  int nearest_rank = 0;          // rank, from 1, of the first keyframe of the right location
+  std::optional<double> keyframe_distance;   // metres from the truth to the fix's keyframe
+  std::optional<double> keyframe_angle_deg;  // between their viewing poses
+};
+
+struct EvaluateOptions {
+  enum class Split { kTest, kTrain, kAll };
+  Split split = Split::kTest;
+};
+
+struct Evaluation {
+  std::vector<FrameResult> frames;
+  std::vector<std::string> skipped;  // images that could not be read, with the cause
+  std::size_t model_bytes = 0;
+  bool model_has_view_labels = false;  // its views are those of the set's `view` column
+};
+
+// Localizes each image of the split alone, one after another on one thread, so that the
+// times are those of one core. Throws ToolError: no images in the split, or more than a
+// fifth of them unreadable.
+Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,
+                    const Progress& progress);
+
+// The figures of interfaces.md, `eval --json`. `unknown` may be null.
+nlohmann::ordered_json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation,
+                                     const Evaluation* unknown);
+
+}  // namespace viewfix

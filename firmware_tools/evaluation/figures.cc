@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <nlohmann/json.hpp>
+
+#include "firmware_tools/evaluation/evaluate.h"
+#include "firmware_tools/evaluation/metrics.h"
+
+namespace viewfix {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Frames = std::vector<FrameResult>;
+
+// A pose this far off, or farther, is a wrong answer.
+constexpr double kWrongMetres = 0.5;
+constexpr double kWrongDegrees = 10;
+
+// "floor10/lobby" up to its first `level` parts.
+std::string UpToLevel(const std::string& name, int level) {
+  std::size_t end = 0;
+  for (int part = 0; part < level && end != std::string::npos; ++part) {
+    end = name.find('/', part == 0 ? 0 : end + 1);
+  }
+  return name.substr(0, end);
+}
+
+int Levels(const std::string& name) {
+  return 1 + static_cast<int>(std::count(name.begin(), name.end(), '/'));
+}
+
+Json Share(int hits, int of) { return of == 0 ? Json() : Json(static_cast<double>(hits) / of); }
+
+Json Ci95(int hits, int of) {
+  const Interval interval = WilsonInterval(hits, of);
+  return of == 0 ? Json() : Json({interval.low, interval.high});
+}
+
+Json OrNull(const std::optional<double>& value) {
+  return value && std::isfinite(*value) ? Json(*value) : Json();
+}
+
+class Figures {
+ public:
+  Figures(const ImageSet& set, const Evaluation& evaluation)
+      : set_(set), evaluation_(evaluation) {}
+
+  Json Location() const {
+    return Accuracy([](const FrameResult& f) { return f.location; });
+  }
+  Json NearestKeyframe() const {
+    return Accuracy([](const FrameResult& f) { return f.nearest_location; });
+  }
+  Json View() const;
+  Json Retrieval() const;
+  Json Pose() const;
+  Json Refusal() const;
+  Json Confidence() const;
+  Json Latency() const;
+  Json PerFrame() const;
+
+ private:
+  const ImageRecord& Truth(const FrameResult& f) const { return set_.images[f.image_idx]; }
+  bool HasLocation(const FrameResult& f) const { return !Truth(f).location.empty(); }
+  bool HasView(const FrameResult& f) const {
+    return evaluation_.model_has_view_labels && !Truth(f).view.empty();
+  }
+  bool LocationRight(const FrameResult& f) const { return f.location == Truth(f).location; }
+  bool Wrong(const FrameResult& f) const {
+    return (HasLocation(f) && !LocationRight(f)) || (HasView(f) && f.view != Truth(f).view);
+  }
+  int Count(const std::function<bool(const FrameResult&)>& predicate) const {
+    return static_cast<int>(
+        std::count_if(evaluation_.frames.begin(), evaluation_.frames.end(), predicate));
+  }
+  int size() const { return static_cast<int>(evaluation_.frames.size()); }
+  int MaxLevels() const;
+  Json Accuracy(const std::function<std::string(const FrameResult&)>& guess) const;
+  Json RecallAt(const std::function<int(const FrameResult&)>& rank) const;
+  Json Times(float StageTimes::*stage) const;
+
+  const ImageSet& set_;
+  const Evaluation& evaluation_;
+};
+
+int Figures::MaxLevels() const {
+  int levels = 0;
+  for (const FrameResult& f : evaluation_.frames) {
+    if (HasLocation(f)) levels = std::max(levels, Levels(Truth(f).location));
+  }
+  return levels;
+}
+
+// Best guesses, answered or not. A frame without a guess is wrong.
+Json Figures::Accuracy(const std::function<std::string(const FrameResult&)>& guess) const {
+  const int labelled = Count([&](const FrameResult& f) { return HasLocation(f); });
+  Json by_level = Json::array();
+  for (int level = 1; level <= MaxLevels(); ++level) {
+    by_level.push_back(Share(Count([&](const FrameResult& f) {
+                               return HasLocation(f) &&
+                                      UpToLevel(guess(f), level) ==
+                                          UpToLevel(Truth(f).location, level);
+                             }),
+                             labelled));
+  }
+  const int right = Count(
+      [&](const FrameResult& f) { return HasLocation(f) && guess(f) == Truth(f).location; });
+  return {{"accuracy", Share(right, labelled)},
+          {"ci95", Ci95(right, labelled)},
+          {"by_level", by_level},
+          {"labelled", labelled}};
+}
+
+Json Figures::View() const {
+  const int labelled = Count([&](const FrameResult& f) { return HasView(f); });
+  const int right =
+      Count([&](const FrameResult& f) { return HasView(f) && f.view == Truth(f).view; });
+  return {{"accuracy", Share(right, labelled)}, {"ci95", Ci95(right, labelled)},
+          {"labelled", labelled}};
+}
+
+Json Figures::RecallAt(const std::function<int(const FrameResult&)>& rank) const {
+  const int labelled = Count([&](const FrameResult& f) { return HasLocation(f); });
+  Json recall = Json::object();
+  for (const int n : {1, 5, 20, 50}) {
+    const int found =
+        Count([&](const FrameResult& f) { return HasLocation(f) && rank(f) > 0 && rank(f) <= n; });
+    recall[std::to_string(n)] = Share(found, labelled);
+  }
+  return recall;
+}
+
+Json Figures::Retrieval() const {
+  const int with_pose = Count([&](const FrameResult& f) { return Truth(f).pose.has_value(); });
+  const int near = Count([](const FrameResult& f) {
+    return f.keyframe_distance && *f.keyframe_distance <= 1 && *f.keyframe_angle_deg <= 30;
+  });
+  return {{"recall_at", RecallAt([](const FrameResult& f) { return f.location_rank; })},
+          {"keyframe_recall_at", RecallAt([](const FrameResult& f) { return f.nearest_rank; })},
+          {"within_1m_30deg", Share(near, with_pose)},
+          {"poses", with_pose}};
+}
+
+// No frame is localized against landmarks yet: each counts as infinitely far.
+Json Figures::Pose() const {
+  const int labelled = Count([&](const FrameResult& f) { return Truth(f).pose.has_value(); });
+  Json recall = Json::object();
+  for (const char* at :
+       {"0.05m_2deg", "0.05m_5deg", "0.1m_5deg", "0.25m_2deg", "0.5m_5deg", "5m_10deg"}) {
+    recall[at] = labelled == 0 ? Json() : Json(0.0);
+  }
+  return {{"labelled", labelled},
+          {"localized", labelled == 0 ? Json() : Json(0.0)},
+          {"median_translation_m", nullptr},
+          {"median_rotation_deg", nullptr},
+          {"p90_translation_m", nullptr},
+          {"recall", recall}};
+}
+
+Json Figures::Refusal() const {
+  const int answered = Count([](const FrameResult& f) { return f.fix.localized; });
+  const int wrong = Count([&](const FrameResult& f) { return f.fix.localized && Wrong(f); });
+  Json by_level = Json::array();
+  for (int level = 1; level <= MaxLevels(); ++level) by_level.push_back(Share(answered, size()));
+  return {{"answered", Share(answered, size())},
+          {"answered_by_level", by_level},
+          {"wrong_of_answered", Share(wrong, answered)},
+          {"wrong_ci95", Ci95(wrong, answered)}};
+}
+
+Json Figures::Confidence() const {
+  std::vector<Judgement> judgements;
+  for (const FrameResult& f : evaluation_.frames) {
+    if (HasLocation(f)) judgements.push_back({double{f.fix.confidence}, LocationRight(f)});
+  }
+  if (judgements.empty()) {
+    return {{"ece", nullptr},   {"ece_ci95", nullptr}, {"brier", nullptr}, {"brier_constant", nullptr},
+            {"auroc", nullptr}, {"risk_at_80_coverage", nullptr}};
+  }
+  const Interval ece = BootstrapCalibrationError(judgements);
+  return {{"ece", ExpectedCalibrationError(judgements)},
+          {"ece_ci95", {ece.low, ece.high}},
+          {"brier", BrierScore(judgements)},
+          {"brier_constant", ConstantBrierScore(judgements)},
+          {"auroc", OrNull(AreaUnderRoc(judgements))},
+          {"risk_at_80_coverage", RiskAtCoverage(judgements, 0.8)}};
+}
+
+Json Figures::Times(float StageTimes::*stage) const {
+  std::vector<double> times;
+  for (const FrameResult& f : evaluation_.frames) times.push_back(double{f.fix.ms.*stage});
+  return {{"p50", OrNull(Quantile(times, 0.5))},
+          {"p95", OrNull(Quantile(times, 0.95))},
+          {"p99", OrNull(Quantile(times, 0.99))}};
+}
+
+Json Figures::Latency() const {
+  Json latency = Times(&StageTimes::total);
+  latency["stages"] = {{"features", Times(&StageTimes::features)},
+                       {"score", Times(&StageTimes::score)},
+                       {"verify", Times(&StageTimes::verify)},
+                       {"pose", Times(&StageTimes::pose)}};
+  return latency;
+}
+
+Json Figures::PerFrame() const {
+  Json rows = Json::array();
+  for (const FrameResult& f : evaluation_.frames) {
+    rows.push_back({{"path", Truth(f).path},
+                    {"localized", f.fix.localized},
+                    {"location", f.location},
+                    {"true_location", Truth(f).location},
+                    {"location_rank", f.location_rank},
+                    {"nearest_location", f.nearest_location},
+                    {"view", f.view},
+                    {"true_view", Truth(f).view},
+                    {"confidence", f.fix.confidence},
+                    {"score", f.fix.score},
+                    {"margin", f.fix.margin},
+                    {"features", f.fix.num_features},
+                    {"keyframe_distance_m", OrNull(f.keyframe_distance)},
+                    {"keyframe_angle_deg", OrNull(f.keyframe_angle_deg)}});
+  }
+  return rows;
+}
+
+}  // namespace
+
+Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Evaluation* unknown) {
+  const Figures figures(set, evaluation);
+  Json json;
+  json["schema"] = 1;
+  json["images"] = evaluation.frames.size();
+  json["skipped"] = evaluation.skipped.size();
+  json["model_bytes"] = evaluation.model_bytes;
+  json["location"] = figures.Location();
+  json["view"] = figures.View();
+  json["nearest_keyframe"] = figures.NearestKeyframe();
+  json["retrieval"] = figures.Retrieval();
+  json["pose"] = figures.Pose();
+  json["refusal"] = figures.Refusal();
+  json["confidence"] = figures.Confidence();
+  json["unknown"] = nullptr;
+  if (unknown != nullptr) {
+    const auto localized =
+        std::count_if(unknown->frames.begin(), unknown->frames.end(),
+                      [](const FrameResult& f) { return f.fix.localized; });
+    json["unknown"] = {{"images", unknown->frames.size()},
+                       {"localized", Share(static_cast<int>(localized),
+                                           static_cast<int>(unknown->frames.size()))}};
+  }
+  json["latency_ms"] = figures.Latency();
+  json["frames"] = figures.PerFrame();
+  return json;
+}
+
+}  // namespace viewfix

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/training/confidence.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace viewfix {
+namespace {
+
+struct Curve {
+  double offset = 0;
+  double slope = 0;
+};
+
+struct Targets {
+  double right, wrong;
+};
+
+double Logistic(double x) { return 1.0 / (1.0 + std::exp(-x)); }
+
+double Loss(std::span<const Outcome> outcomes, const Targets& targets, const Curve& curve) {
+  double loss = 0;
+  for (const Outcome& o : outcomes) {
+    const double z = curve.offset + curve.slope * o.margin;
+    const double target = o.right ? targets.right : targets.wrong;
+    loss += std::max(z, 0.0) - target * z + std::log1p(std::exp(-std::abs(z)));
+  }
+  return loss;
+}
+
+// Newton's step on the loss; the small diagonal keeps it defined where all margins agree.
+Curve NewtonStep(std::span<const Outcome> outcomes, const Targets& targets, const Curve& curve) {
+  double g0 = 0, g1 = 0, h00 = 1e-9, h01 = 0, h11 = 1e-9;
+  for (const Outcome& o : outcomes) {
+    const double p = Logistic(curve.offset + curve.slope * o.margin);
+    const double error = p - (o.right ? targets.right : targets.wrong);
+    const double weight = p * (1 - p);
+    g0 += error;
+    g1 += error * o.margin;
+    h00 += weight;
+    h01 += weight * o.margin;
+    h11 += weight * o.margin * o.margin;
+  }
+  const double det = h00 * h11 - h01 * h01;
+  return {-(h11 * g0 - h01 * g1) / det, -(h00 * g1 - h01 * g0) / det};
+}
+
+}  // namespace
+
+ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
+  const auto right = static_cast<double>(
+      std::count_if(outcomes.begin(), outcomes.end(), [](const Outcome& o) { return o.right; }));
+  const double wrong = static_cast<double>(outcomes.size()) - right;
+  const Targets targets = {(right + 1) / (right + 2), 1 / (wrong + 2)};
+  Curve curve = {std::log((right + 1) / (wrong + 1)), 0};
+  double loss = Loss(outcomes, targets, curve);
+  for (int iteration = 0; iteration < 100; ++iteration) {
+    const Curve step = NewtonStep(outcomes, targets, curve);
+    double length = 1;
+    Curve next = curve;
+    double next_loss = loss;
+    for (; length > 1e-10; length /= 2) {
+      next = {curve.offset + length * step.offset, curve.slope + length * step.slope};
+      next_loss = Loss(outcomes, targets, next);
+      if (next_loss <= loss) break;
+    }
+    const bool settled = loss - next_loss < 1e-10 * std::max(1.0, loss);
+    if (next_loss <= loss) {
+      curve = next;
+      loss = next_loss;
+    }
+    if (settled) break;
+  }
+  if (curve.slope < 0) curve = {std::log((right + 1) / (wrong + 1)), 0};
+  return {static_cast<float>(curve.offset), static_cast<float>(curve.slope), 0.5F};
+}
+
+}  // namespace viewfix

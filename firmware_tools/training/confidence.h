@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// A guess on held-out data: its margin, and whether it was right.
+struct Outcome {
+  double margin = 0;
+  bool right = false;
+};
+
+// Fits p(right | margin) = 1 / (1 + exp(-(offset + slope margin))), slope >= 0, by maximum
+// likelihood with Platt's smoothed targets (Lin, Lin, Weng, Machine Learning 2007), and sets
+// the threshold at one half: an answer is given where it is more likely right than wrong.
+ModelConfidence FitConfidence(std::span<const Outcome> outcomes);
+
+}  // namespace viewfix

@@ -1,0 +1,333 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/training/trainer.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "firmware_tools/training/confidence.h"
+#include "firmware_tools/training/histograms.h"
+#include "firmware_tools/training/kmeans.h"
+
+namespace viewfix {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Progress Begin(const StageProgress& stages, const std::string& stage) {
+  return stages ? stages(stage) : Progress();
+}
+
+std::vector<int> TrainingImages(const ImageSet& set) {
+  std::vector<int> idxs;
+  for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
+    if (!set.images[i].is_test) idxs.push_back(i);
+  }
+  if (idxs.empty()) throw ToolError(set.source.string() + ": no training images");
+  return idxs;
+}
+
+// Tells of every failure, and refuses a set that is mostly broken.
+void ReportFailures(const ImageSet& set, const FeatureStore& features, std::size_t asked,
+                    std::vector<std::string>& warnings) {
+  for (const FeatureStore::Failure& failure : features.failures) {
+    warnings.push_back("skipped " + failure.cause);
+  }
+  if (features.failures.empty()) return;
+  const std::string count = std::to_string(features.failures.size()) + " of " +
+                            std::to_string(asked) + " training images";
+  if (features.failures.size() * 5 > asked) {
+    throw ToolError(set.source.string() + ": " + count + " could not be used, the first: " +
+                    features.failures.front().cause);
+  }
+  warnings.push_back(count + " could not be used");
+}
+
+// Locations whose every image failed.
+void CheckEmptyLocations(const ImageSet& set, std::span<const int> asked,
+                         const FeatureStore& features) {
+  std::map<std::string, bool> alive;
+  for (const int i : asked) {
+    if (HasPlace(set, set.images[i])) {
+      alive[set.images[i].location] |= !features.images[i].keypoints.empty();
+    }
+  }
+  for (const auto& [location, has_images] : alive) {
+    if (!has_images) {
+      throw ToolError(set.source.string() + ": location '" + location +
+                      "' has no usable training image");
+    }
+  }
+}
+
+std::vector<std::int8_t> AllDescriptors(const FeatureStore& features) {
+  std::vector<std::int8_t> all;
+  for (const ImageFeatures& image : features.images) {
+    all.insert(all.end(), image.descriptors.begin(), image.descriptors.end());
+  }
+  return all;
+}
+
+void CheckEnough(const ImageSet& set, const Labels& labels) {
+  if (labels.locations.size() < 2) {
+    throw ToolError(set.source.string() + ": only one location ('" + labels.locations[0] +
+                    "'): at least two are needed to tell apart");
+  }
+  if (labels.num_pairs() > 65535) {
+    throw ToolError(set.source.string() + ": more than 65535 (location, view) pairs");
+  }
+  for (int l = 0; l < static_cast<int>(labels.locations.size()); ++l) {
+    const auto images = std::count(labels.location.begin(), labels.location.end(), l);
+    if (images == 1 && labels.location_source == "labels") {
+      throw ToolError(set.source.string() + ": location '" + labels.locations[l] +
+                      "' has one training image: at least two are needed");
+    }
+  }
+}
+
+ScoreOptions FirstGuess(const TrainOptions& options) {
+  ScoreOptions guess;
+  if (options.c) guess.c = *options.c;
+  if (options.beta) guess.beta = *options.beta;
+  if (options.other_views_negative) guess.other_views_negative = *options.other_views_negative;
+  return guess;
+}
+
+double Merit(const Labels& labels, const HeldOut& result) {
+  return result.location_accuracy + (labels.global_views ? result.view_accuracy : 0.0);
+}
+
+// Candidates along one parameter, the best so far excluded: it has been measured.
+std::vector<ScoreOptions> Along(const ScoreOptions& best, std::span<const double> values,
+                                double ScoreOptions::*parameter) {
+  std::vector<ScoreOptions> candidates;
+  for (const double value : values) {
+    if (value == best.*parameter) continue;
+    candidates.push_back(best);
+    candidates.back().*parameter = value;
+  }
+  return candidates;
+}
+
+Json ToJson(const HeldOut& result) {
+  return {{"c", result.options.c},
+          {"beta", result.options.beta},
+          {"other_views_negative", result.options.other_views_negative},
+          {"location_rule",
+           result.options.rule == LocationRule::kBestPair ? "best_pair" : "sum_of_pairs"},
+          {"held_out", result.predictions.size()},
+          {"location_accuracy", result.location_accuracy},
+          {"view_accuracy", result.view_accuracy}};
+}
+
+// Held-out recall of each location and view: what a user may expect of it.
+Json RecallByPair(const Labels& labels, const HeldOut& result) {
+  std::vector<int> asked(labels.num_pairs(), 0);
+  std::vector<int> right(labels.num_pairs(), 0);
+  for (const HeldOut::Prediction& p : result.predictions) {
+    const int truth = labels.pair[p.sample];
+    ++asked[truth];
+    right[truth] += p.location == labels.pair_location[truth] ? 1 : 0;
+  }
+  Json rows = Json::array();
+  for (int p = 0; p < labels.num_pairs(); ++p) {
+    rows.push_back({{"location", labels.locations[labels.pair_location[p]]},
+                    {"view", labels.views[labels.pair_view[p]]},
+                    {"held_out", asked[p]},
+                    {"right", right[p]}});
+  }
+  return rows;
+}
+
+Json Record(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,
+            const std::vector<HeldOut>& tried) {
+  const Labels& labels = prepared.labels;
+  Json record;
+  record["images"] = set.images.size();
+  record["samples"] = labels.image_idxs.size();
+  record["skipped"] = prepared.features.failures.size();
+  record["locations"] = labels.locations.size();
+  record["pairs"] = labels.num_pairs();
+  record["location_source"] = labels.location_source;
+  record["view_source"] = labels.view_source;
+  record["words"] = options.num_words;
+  record["seed"] = options.seed;
+  record["folds"] = options.folds;
+  record["chosen"] = ToJson(tried.front());
+  record["tried"] = Json::array();
+  for (const HeldOut& result : tried) record["tried"].push_back(ToJson(result));
+  record["recall"] = RecallByPair(labels, tried.front());
+  return record;
+}
+
+// Signed bytes with one scale a column: the largest weight becomes 127.
+void QuantizeWeights(const ScoreModel& scores, ModelData& model) {
+  const Eigen::Index words = scores.weights.rows();
+  const Eigen::Index pairs = scores.weights.cols();
+  model.weights.resize(words * pairs);
+  for (Eigen::Index p = 0; p < pairs; ++p) {
+    const float largest = std::max(scores.weights.col(p).cwiseAbs().maxCoeff(), 1e-20F);
+    model.weight_scale.push_back(largest / 127.0F);
+    for (Eigen::Index w = 0; w < words; ++w) {
+      model.weights[w * pairs + p] =
+          static_cast<std::int8_t>(std::lround(scores.weights(w, p) / largest * 127.0F));
+    }
+  }
+  model.bias = scores.bias;
+}
+
+std::array<float, 7> PoseRow(const std::optional<Pose>& pose) {
+  if (!pose) return {};
+  const auto t = pose->cam_in_world.cast<float>();
+  const auto q = pose->world_from_cam.cast<float>();
+  return {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()};
+}
+
+void AddKeyframes(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,
+                  ModelData& model) {
+  const Labels& labels = prepared.labels;
+  std::vector<int> order(labels.pair.size());
+  for (int s = 0; s < static_cast<int>(order.size()); ++s) order[s] = s;
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return labels.pair[a] < labels.pair[b]; });
+  for (const int s : order) {
+    const Histogram& h = prepared.histograms[s];
+    const std::optional<Pose> pose =
+        options.use_poses ? set.images[labels.image_idxs[s]].pose : std::nullopt;
+    model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));
+    model.keyframe_words.insert(model.keyframe_words.end(), h.words.begin(), h.words.end());
+    model.keyframe_counts.insert(model.keyframe_counts.end(), h.counts.begin(), h.counts.end());
+    model.keyframe_word_begin.push_back(static_cast<std::uint32_t>(model.keyframe_words.size()));
+    model.keyframe_has_pose.push_back(pose ? 1 : 0);
+    model.keyframe_pose.push_back(PoseRow(pose));
+    model.metric = model.metric || pose.has_value();
+  }
+}
+
+ModelFeatures FeaturesOf(const FeatureStore& store) {
+  const FeatureOptions& o = store.options;
+  return {static_cast<std::uint8_t>(o.type), store.version, o.max_image_side, o.max_features,
+          o.upright,                         o.threshold,   store.dim};
+}
+
+ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
+  std::vector<Outcome> outcomes;
+  for (const HeldOut::Prediction& p : result.predictions) {
+    outcomes.push_back({p.margin, p.location == labels.location[p.sample]});
+  }
+  return FitConfidence(outcomes);
+}
+
+template <typename T>
+void AssignAll(const std::vector<int>& from, std::vector<T>& to) {
+  for (const int value : from) to.push_back(static_cast<T>(value));
+}
+
+}  // namespace
+
+FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& options,
+                                     const StageProgress& stages) {
+  return ExtractFeatures(set, TrainingImages(set), options.features, options.jobs,
+                         Begin(stages, "features"));
+}
+
+Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
+                            const TrainOptions& options, const StageProgress& stages) {
+  Preparation prepared;
+  prepared.features = std::move(features);
+  const int dim = prepared.features.dim;
+  const KMeansOptions clustering = {
+      .num_words = options.num_words, .seed = options.seed, .jobs = options.jobs};
+  prepared.words = ClusterDescriptors(AllDescriptors(prepared.features), dim, clustering,
+                                      Begin(stages, "vocabulary"))
+                       .words;
+  std::vector<int> samples;
+  for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
+    const bool usable = !prepared.features.images[i].keypoints.empty();
+    if (usable && HasPlace(set, set.images[i])) samples.push_back(i);
+  }
+  const Vocabulary vocabulary(prepared.words, dim);
+  prepared.histograms = BuildHistograms(prepared.features, samples, vocabulary,
+                                        options.histogram_map, options.jobs,
+                                        Begin(stages, "histograms"));
+  prepared.gram = GramMatrix(prepared.histograms, vocabulary.size(), options.jobs);
+  prepared.labels = MakeLabels(set, samples, prepared.gram, options.labels);
+  return prepared;
+}
+
+Preparation Prepare(const ImageSet& set, const TrainOptions& options,
+                    const StageProgress& stages) {
+  const std::vector<int> asked = TrainingImages(set);
+  FeatureStore features = ExtractTrainingFeatures(set, options, stages);
+  std::vector<std::string> warnings;
+  ReportFailures(set, features, asked.size(), warnings);
+  CheckEmptyLocations(set, asked, features);
+  Preparation prepared = PrepareFeatures(set, std::move(features), options, stages);
+  CheckEnough(set, prepared.labels);
+  prepared.warnings = std::move(warnings);
+  return prepared;
+}
+
+std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const TrainOptions& options,
+                                        const StageProgress& stages) {
+  const Labels& labels = prepared.labels;
+  const std::vector<int> fold = HeldOutBlocks(labels, options.folds);
+  const auto measure = [&](const std::string& stage, std::span<const ScoreOptions> candidates) {
+    return CrossValidate(labels, prepared.gram, fold, options.folds, candidates, options.jobs,
+                         Begin(stages, stage));
+  };
+  const ScoreOptions start = FirstGuess(options);
+  std::vector<HeldOut> tried = measure("held-out blocks", std::span(&start, 1));
+  std::size_t best = 0;
+  const auto try_all = [&](const std::string& stage, const std::vector<ScoreOptions>& candidates) {
+    for (HeldOut& result : measure(stage, candidates)) {
+      tried.push_back(std::move(result));
+      if (Merit(labels, tried.back()) > Merit(labels, tried[best])) best = tried.size() - 1;
+    }
+  };
+  constexpr double kCosts[] = {1, 3, 10, 30, 100};
+  constexpr double kBetas[] = {0.1, 0.3, 1, 3, 10};
+  if (!options.c) try_all("choosing C", Along(tried[best].options, kCosts, &ScoreOptions::c));
+  if (!options.beta) {
+    try_all("choosing beta", Along(tried[best].options, kBetas, &ScoreOptions::beta));
+  }
+  if (!options.other_views_negative) {
+    ScoreOptions other = tried[best].options;
+    other.other_views_negative = !other.other_views_negative;
+    try_all("choosing negatives", {other});
+  }
+  std::swap(tried[0], tried[best]);
+  return tried;
+}
+
+TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainOptions& options,
+                  const StageProgress& stages) {
+  const std::vector<HeldOut> tried = ChooseScoreOptions(prepared, options, stages);
+  const ScoreOptions& chosen = tried.front().options;
+  const Labels& labels = prepared.labels;
+  const ScoreModel scores =
+      TrainScores(labels, prepared.gram, prepared.histograms,
+                  static_cast<int>(prepared.words.size()) / prepared.features.dim, chosen,
+                  options.jobs, Begin(stages, "scores"));
+
+  TrainResult result;
+  result.chosen = tried.front();
+  ModelData& model = result.model;
+  model.features = FeaturesOf(prepared.features);
+  model.words = prepared.words;
+  model.histogram_map = options.histogram_map;
+  model.location_rule = chosen.rule;
+  model.locations = labels.locations;
+  model.views = labels.views;
+  AssignAll(labels.pair_location, model.pair_location);
+  AssignAll(labels.pair_view, model.pair_view);
+  QuantizeWeights(scores, model);
+  model.confidence = ConfidenceOf(labels, tried.front());
+  AddKeyframes(set, options, prepared, model);
+  model.record = Record(set, options, prepared, tried).dump();
+  return result;
+}
+
+}  // namespace viewfix

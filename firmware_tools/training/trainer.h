@@ -1,0 +1,71 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/training/feature_store.h"
+#include "firmware_tools/training/labels.h"
+#include "firmware_tools/training/score_training.h"
+#include "models/model_writer.h"
+
+namespace viewfix {
+
+struct TrainOptions {
+  FeatureOptions features;
+  int num_words = 500;  // 2..65535
+  HistogramMap histogram_map = HistogramMap::kHellinger;
+  LabelOptions labels;
+  // Chosen by cross-validation on the training split where not given.
+  std::optional<double> c;
+  std::optional<double> beta;
+  std::optional<bool> other_views_negative;
+  int folds = 4;           // of held-out blocks, >= 2
+  bool use_poses = true;   // keep the poses that the set gives
+  std::uint64_t seed = 1;
+  int jobs = 0;            // 0: all cores
+};
+
+// Begins a named stage of long work and returns where to report its progress.
+using StageProgress = std::function<Progress(const std::string& stage)>;
+
+// What a training knows after its photographs are read: kept apart from the model so that
+// `check` can report on a set without writing one.
+struct Preparation {
+  FeatureStore features;
+  std::vector<std::int8_t> words;  // [num_words, dim]
+  std::vector<Histogram> histograms;  // [samples]
+  Eigen::MatrixXf gram;               // [samples, samples]
+  Labels labels;
+  std::vector<std::string> warnings;
+};
+
+// Features of the training split. Images that fail are in FeatureStore::failures.
+FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& options,
+                                     const StageProgress& stages);
+
+// Vocabulary, histograms and labels of whatever features there are.
+Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
+                            const TrainOptions& options, const StageProgress& stages);
+
+// Both, with the limits of a training: images that fail are warned of, skipped and counted;
+// throws ToolError where more than a fifth fail or a location is left empty.
+Preparation Prepare(const ImageSet& set, const TrainOptions& options, const StageProgress& stages);
+
+// Cross-validation of the score parameters over held-out blocks; the first is the best.
+std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const TrainOptions& options,
+                                        const StageProgress& stages);
+
+struct TrainResult {
+  ModelData model;
+  HeldOut chosen;  // the parameters taken, and how held-out blocks fared with them
+};
+
+// The model of a prepared set. The same inputs give the same model, whatever `jobs` is.
+TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainOptions& options,
+                  const StageProgress& stages);
+
+}  // namespace viewfix

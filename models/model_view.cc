@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "models/model_view.h"
+
+#include <sodium.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+
+#include "models/viewfix_generated.h"
+
+// FlatBuffers stores little endian; the spans handed out are used as they lie.
+static_assert(std::endian::native == std::endian::little);
+
+namespace viewfix {
+namespace {
+
+Status Corrupt(const char* text) { return {StatusCode::kCorrupt, text}; }
+
+template <typename T>
+T ReadLittleEndian(const std::uint8_t* bytes) {
+  T value;
+  std::memcpy(&value, bytes, sizeof value);
+  return value;
+}
+
+template <typename T>
+std::span<const T> Span(const flatbuffers::Vector<T>* vector) {
+  return vector == nullptr ? std::span<const T>() : std::span<const T>(vector->data(), vector->size());
+}
+
+bool AllFinite(std::span<const float> values) {
+  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+}
+
+const fb::Model* Root(std::span<const std::uint8_t> file) {
+  return fb::GetModel(file.data() + kModelHeaderBytes);
+}
+
+using Names = flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>;
+
+std::string_view NameAt(const Names* names, int i) {
+  const auto* name = names->Get(static_cast<flatbuffers::uoffset_t>(i));
+  return {name->c_str(), name->size()};
+}
+
+bool ValidName(std::string_view name) {
+  return !name.empty() && name.size() <= 255 && name.front() != '/' && name.back() != '/' &&
+         name.find('\0') == std::string_view::npos;
+}
+
+// Names are few hundred at most on a site; a site of ten thousand locations still takes
+// only a sorted copy's time, but the reader allocates nothing: order is demanded instead.
+Status CheckNames(const Names* names, const char* what) {
+  if (names == nullptr || names->size() == 0) return Corrupt(what);
+  for (int i = 0; i < static_cast<int>(names->size()); ++i) {
+    if (!ValidName(NameAt(names, i))) return Corrupt(what);
+    if (i > 0 && !(NameAt(names, i - 1) < NameAt(names, i))) return Corrupt(what);
+  }
+  return {};
+}
+
+Status CheckHeader(std::span<const std::uint8_t> bytes) {
+  if (bytes.size() < kModelHeaderBytes) return Corrupt("not a model: shorter than its header");
+  if (!std::equal(kModelMagic.begin(), kModelMagic.end(), bytes.begin())) {
+    return Corrupt("not a Viewfix model (wrong magic)");
+  }
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % 8 != 0) {
+    return {StatusCode::kInvalidArgument, "model bytes must be aligned to 8"};
+  }
+  const auto version = ReadLittleEndian<std::uint32_t>(&bytes[8]);
+  if (version > kModelFormatVersion) {
+    return {StatusCode::kUnsupported, "model format is newer than this program; update it"};
+  }
+  if (version != kModelFormatVersion) return Corrupt("model format version is unknown");
+  if (ReadLittleEndian<std::uint32_t>(&bytes[12]) != kModelHeaderBytes) {
+    return Corrupt("model header length is wrong");
+  }
+  const auto payload = ReadLittleEndian<std::uint64_t>(&bytes[16]);
+  if (payload > bytes.size() - kModelHeaderBytes) return Corrupt("model is truncated");
+  if (payload < bytes.size() - kModelHeaderBytes) return Corrupt("model has bytes after its end");
+  return {};
+}
+
+Status CheckHash(std::span<const std::uint8_t> bytes) {
+  const auto hash = HashModel(bytes);
+  if (!std::equal(hash.begin(), hash.end(), bytes.begin() + kModelHashOffset)) {
+    return Corrupt("model is damaged (hash does not match)");
+  }
+  return {};
+}
+
+bool ValidPose(std::span<const float> pose) {
+  const float norm2 = pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6];
+  return AllFinite(pose) && norm2 > 0.99F && norm2 < 1.01F;
+}
+
+}  // namespace
+
+std::array<std::uint8_t, kModelHashBytes> HashModel(std::span<const std::uint8_t> file) {
+  std::array<std::uint8_t, kModelHashBytes> hash;
+  crypto_generichash_state state;
+  crypto_generichash_init(&state, nullptr, 0, hash.size());
+  crypto_generichash_update(&state, file.data(), kModelHashOffset);
+  const auto payload = file.subspan(kModelHeaderBytes);
+  crypto_generichash_update(&state, payload.data(), payload.size());
+  crypto_generichash_final(&state, hash.data(), hash.size());
+  return hash;
+}
+
+Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
+  if (Status status = CheckHeader(bytes); !status.ok()) return status;
+  if (Status status = CheckHash(bytes); !status.ok()) return status;
+  const auto payload = bytes.subspan(kModelHeaderBytes);
+  flatbuffers::Verifier verifier(payload.data(), payload.size());
+  if (!fb::VerifyModelBuffer(verifier)) return Corrupt("model structure is broken");
+  ModelView view;
+  view.bytes_ = bytes;
+  if (Status status = view.Load(); !status.ok()) return status;
+  return view;
+}
+
+Status ModelView::Load() {
+  using Loader = Status (ModelView::*)();
+  for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
+                            &ModelView::LoadScoring, &ModelView::LoadConfidence,
+                            &ModelView::LoadKeyframes}) {
+    if (Status status = (this->*load)(); !status.ok()) return status;
+  }
+  metric_ = Root(bytes_)->metric();
+  const auto* record = Root(bytes_)->record();
+  record_ = {record->c_str(), record->size()};
+  return {};
+}
+
+Status ModelView::LoadFeatures() {
+  const fb::Features* f = Root(bytes_)->features();
+  features_ = {f->type(),    f->version(),   f->max_image_side(), f->max_features(),
+               f->upright(), f->threshold(), f->descriptor_dim()};
+  const bool valid = features_.max_image_side >= 64 && features_.max_image_side <= 4096 &&
+                     features_.max_features >= 16 && features_.max_features <= 8192 &&
+                     std::isfinite(features_.threshold) && features_.threshold >= 0 &&
+                     features_.descriptor_dim >= 1 && features_.descriptor_dim <= 128;
+  if (!valid) return Corrupt("model's feature options are out of range");
+  if (!Span(f->projection()).empty()) {
+    return {StatusCode::kUnsupported, "model projects descriptors, which this program cannot"};
+  }
+  return {};
+}
+
+Status ModelView::LoadVocabulary() {
+  const fb::Vocabulary* v = Root(bytes_)->vocabulary();
+  const std::uint32_t num_words = v->num_words();
+  if (num_words < 1 || num_words > 65535) return Corrupt("model's number of words is out of range");
+  if (v->dim() != features_.descriptor_dim) return Corrupt("model's words have a wrong dimension");
+  vocabulary_ = {static_cast<int>(num_words), v->dim(), Span(v->words())};
+  if (vocabulary_.words.size() != std::size_t{num_words} * v->dim()) {
+    return Corrupt("model's vocabulary has a wrong size");
+  }
+  return {};
+}
+
+Status ModelView::LoadScoring() {
+  const fb::Scoring* s = Root(bytes_)->scoring();
+  if (Status st = CheckNames(s->locations(), "model's location names are broken"); !st.ok()) {
+    return st;
+  }
+  if (Status st = CheckNames(s->views(), "model's view names are broken"); !st.ok()) return st;
+  scoring_ = {static_cast<HistogramMap>(s->histogram_map()),
+              static_cast<LocationRule>(s->location_rule()),
+              static_cast<int>(s->locations()->size()),
+              static_cast<int>(s->views()->size()),
+              static_cast<int>(Span(s->pair_location()).size()),
+              Span(s->pair_location()),
+              Span(s->pair_view()),
+              Span(s->bias()),
+              Span(s->weight_scale()),
+              Span(s->weights())};
+  const ModelScoring& g = scoring_;
+  const std::size_t pairs = g.pair_location.size();
+  const bool known = s->histogram_map() >= 1 && s->histogram_map() <= 2 &&
+                     s->location_rule() >= 1 && s->location_rule() <= 2;
+  if (!known) return Corrupt("model's scoring rule is unknown");
+  const bool sizes = pairs >= 1 && pairs <= 65535 && g.pair_view.size() == pairs &&
+                     g.bias.size() == pairs && g.weight_scale.size() == pairs &&
+                     g.weights.size() == pairs * std::size_t(vocabulary_.num_words);
+  if (!sizes) return Corrupt("model's scoring tables have wrong sizes");
+  if (!AllFinite(g.bias) || !AllFinite(g.weight_scale)) {
+    return Corrupt("model's scoring tables hold a number that is not finite");
+  }
+  int next_location = 0;  // pairs go through all locations in order, views ascending in each
+  for (std::size_t p = 0; p < pairs; ++p) {
+    const bool first = p == 0 || g.pair_location[p] != g.pair_location[p - 1];
+    const bool in_order = first ? g.pair_location[p] == next_location++
+                                : g.pair_view[p] > g.pair_view[p - 1];
+    if (!in_order || g.pair_view[p] >= g.num_views) {
+      return Corrupt("model's (location, view) pairs are broken");
+    }
+  }
+  if (next_location != g.num_locations) return Corrupt("model has a location without a view");
+  return {};
+}
+
+Status ModelView::LoadConfidence() {
+  const fb::Confidence* c = Root(bytes_)->confidence();
+  confidence_ = {c->offset(), c->slope(), c->threshold()};
+  const bool valid = std::isfinite(c->offset()) && std::isfinite(c->slope()) && c->slope() >= 0 &&
+                     c->threshold() >= 0 && c->threshold() <= 1;
+  return valid ? Status() : Corrupt("model's confidence curve is out of range");
+}
+
+Status ModelView::LoadKeyframes() {
+  const fb::Keyframes* f = Root(bytes_)->keyframes();
+  const std::size_t size = Span(f->pair()).size();
+  keyframes_ = {static_cast<int>(size), Span(f->pair()),     Span(f->word_begin()), Span(f->words()),
+                Span(f->counts()),      Span(f->has_pose()), Span(f->pose())};
+  const ModelKeyframes& k = keyframes_;
+  const bool sizes = k.word_begin.size() == size + 1 && k.counts.size() == k.words.size() &&
+                     k.has_pose.size() == size && k.pose.size() == size * 7;
+  if (!sizes) return Corrupt("model's keyframe tables have wrong sizes");
+  if (k.word_begin.front() != 0 || k.word_begin.back() != k.words.size()) {
+    return Corrupt("model's keyframe histograms are broken");
+  }
+  for (std::size_t i = 0; i < size; ++i) {
+    const std::uint32_t begin = k.word_begin[i];
+    const std::uint32_t end = k.word_begin[i + 1];
+    bool valid = k.pair[i] < scoring_.num_pairs && (i == 0 || k.pair[i] >= k.pair[i - 1]) &&
+                 begin < end && end <= k.words.size() && k.has_pose[i] <= 1 &&
+                 (k.has_pose[i] == 0 || ValidPose(k.pose.subspan(i * 7, 7)));
+    for (std::uint32_t j = begin; valid && j < end; ++j) {
+      valid = k.words[j] < vocabulary_.num_words && k.counts[j] >= 1 &&
+              (j == begin || k.words[j] > k.words[j - 1]);
+    }
+    if (!valid) return Corrupt("model's keyframe is broken");
+  }
+  return {};
+}
+
+std::string_view ModelView::location_name(int location_idx) const {
+  return NameAt(Root(bytes_)->scoring()->locations(), location_idx);
+}
+
+std::string_view ModelView::view_name(int view_idx) const {
+  return NameAt(Root(bytes_)->scoring()->views(), view_idx);
+}
+
+std::array<char, 16> ModelView::short_hash() const {
+  std::array<char, 16> text;
+  for (int i = 0; i < 16; ++i) {
+    const int nibble = (hash()[i / 2] >> (i % 2 == 0 ? 4 : 0)) & 15;
+    text[i] = "0123456789abcdef"[nibble];
+  }
+  return text;
+}
+
+}  // namespace viewfix

@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+#include "engine/base/status.h"
+
+namespace viewfix {
+
+// The fixed header of a model file, little endian:
+//   0  magic            8 bytes "VIEWFIX\0"
+//   8  format version   u32
+//   12 header length    u32, 64
+//   16 payload length   u64, the FlatBuffer of viewfix.fbs; the file ends with it
+//   24 reserved         8 bytes, zero
+//   32 hash             32 bytes: BLAKE2b-256 of bytes 0..31 and the payload
+inline constexpr std::array<std::uint8_t, 8> kModelMagic = {'V', 'I', 'E', 'W', 'F', 'I', 'X', 0};
+inline constexpr std::uint32_t kModelFormatVersion = 1;
+inline constexpr std::size_t kModelHeaderBytes = 64;
+inline constexpr std::size_t kModelHashOffset = 32;
+inline constexpr std::size_t kModelHashBytes = 32;
+
+// Values are stored in models: do not change them.
+enum class HistogramMap : std::uint8_t { kL1 = 1, kHellinger = 2 };
+enum class LocationRule : std::uint8_t { kBestPair = 1, kSumOfPairs = 2 };
+
+// The parts of a model, as viewfix.fbs describes them; spans point into the file's bytes.
+struct ModelFeatures {
+  std::uint8_t type = 0;
+  std::uint32_t version = 0;
+  int max_image_side = 0;
+  int max_features = 0;
+  bool upright = false;
+  float threshold = 0;
+  int descriptor_dim = 0;
+};
+
+struct ModelVocabulary {
+  int num_words = 0;
+  int dim = 0;
+  std::span<const std::int8_t> words;  // [num_words, dim]
+};
+
+struct ModelScoring {
+  HistogramMap histogram_map = HistogramMap::kHellinger;
+  LocationRule location_rule = LocationRule::kBestPair;
+  int num_locations = 0;
+  int num_views = 0;
+  int num_pairs = 0;
+  std::span<const std::uint16_t> pair_location;  // [pairs]
+  std::span<const std::uint16_t> pair_view;      // [pairs]
+  std::span<const float> bias;                   // [pairs]
+  std::span<const float> weight_scale;           // [pairs]
+  std::span<const std::int8_t> weights;          // [words, pairs]
+};
+
+struct ModelConfidence {
+  float offset = 0;
+  float slope = 0;
+  float threshold = 0;
+};
+
+struct ModelKeyframes {
+  int size = 0;
+  std::span<const std::uint16_t> pair;        // [size]
+  std::span<const std::uint32_t> word_begin;  // [size + 1]
+  std::span<const std::uint16_t> words;
+  std::span<const std::uint8_t> counts;
+  std::span<const std::uint8_t> has_pose;     // [size]
+  std::span<const float> pose;                // [size, 7] tx ty tz qx qy qz qw
+};
+
+// A model file, opened over borrowed bytes. Everything is checked once, in Open();
+// afterwards every index is in range and every number finite. No allocation.
+class ModelView {
+ public:
+  // `bytes` must stay unchanged while the view is used, and start at an address that is a
+  // multiple of 8 (as any allocation does). kCorrupt: not a model, truncated, or any bit
+  // changed; kUnsupported: a newer format version. The reader never crashes on any bytes.
+  static Result<ModelView> Open(std::span<const std::uint8_t> bytes);
+
+  const ModelFeatures& features() const { return features_; }
+  const ModelVocabulary& vocabulary() const { return vocabulary_; }
+  const ModelScoring& scoring() const { return scoring_; }
+  const ModelConfidence& confidence() const { return confidence_; }
+  const ModelKeyframes& keyframes() const { return keyframes_; }
+  bool metric() const { return metric_; }
+  std::string_view record() const { return record_; }  // JSON
+
+  std::string_view location_name(int location_idx) const;
+  std::string_view view_name(int view_idx) const;
+
+  std::span<const std::uint8_t> bytes() const { return bytes_; }
+  std::span<const std::uint8_t> hash() const {
+    return bytes_.subspan(kModelHashOffset, kModelHashBytes);
+  }
+  // The first 8 bytes of hash() as 16 hexadecimal digits: how a model is named in output.
+  std::array<char, 16> short_hash() const;
+
+ private:
+  Status Load();
+  Status LoadFeatures();
+  Status LoadVocabulary();
+  Status LoadScoring();
+  Status LoadConfidence();
+  Status LoadKeyframes();
+
+  std::span<const std::uint8_t> bytes_;
+  ModelFeatures features_;
+  ModelVocabulary vocabulary_;
+  ModelScoring scoring_;
+  ModelConfidence confidence_;
+  ModelKeyframes keyframes_;
+  bool metric_ = false;
+  std::string_view record_;
+};
+
+// BLAKE2b-256 as the header holds it: of the header's first 32 bytes and the payload.
+std::array<std::uint8_t, kModelHashBytes> HashModel(std::span<const std::uint8_t> file);
+
+}  // namespace viewfix

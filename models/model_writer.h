@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/base/status.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+// A model's contents, owned; shapes and ranges as in viewfix.fbs. Locations and views
+// ascend by name, pairs by (location, view), keyframes by pair.
+struct ModelData {
+  ModelFeatures features;
+  std::vector<std::int8_t> words;  // [num_words, features.descriptor_dim]
+  HistogramMap histogram_map = HistogramMap::kHellinger;
+  LocationRule location_rule = LocationRule::kBestPair;
+  std::vector<std::string> locations;
+  std::vector<std::string> views;
+  std::vector<std::uint16_t> pair_location;
+  std::vector<std::uint16_t> pair_view;
+  std::vector<float> bias;
+  std::vector<float> weight_scale;
+  std::vector<std::int8_t> weights;  // [num_words, pairs]
+  ModelConfidence confidence;
+  std::vector<std::uint16_t> keyframe_pair;
+  std::vector<std::uint32_t> keyframe_word_begin = {0};
+  std::vector<std::uint16_t> keyframe_words;
+  std::vector<std::uint8_t> keyframe_counts;
+  std::vector<std::uint8_t> keyframe_has_pose;
+  std::vector<std::array<float, 7>> keyframe_pose;  // tx ty tz qx qy qz qw
+  bool metric = false;
+  std::string record;
+};
+
+// The whole file, header included: the same data give the same bytes. The result has been
+// read back by ModelView; its refusal is returned if the data break the contract.
+Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data);
+
+}  // namespace viewfix

@@ -1,0 +1,174 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "platform/camera/jpeg_decoder.h"
+
+#include <algorithm>
+#include <csetjmp>
+#include <cstddef>
+#include <cstdio>
+#include <string_view>
+
+// Last: jpeglib.h uses size_t and FILE without including them.
+// clang-format off
+#include <jpeglib.h>
+#include <jerror.h>
+// clang-format on
+
+#include "platform/camera/exif.h"
+#include "platform/camera/orient.h"
+
+namespace viewfix {
+namespace {
+
+// A progressive picture needs about ten scans; a hostile one can hold thousands, each of
+// which costs a pass over all its blocks.
+constexpr int kMaxScans = 100;
+
+constexpr std::string_view kExifMark{"Exif\0\0", 6};
+
+StatusCode CodeOf(int jpeg_message) {
+  switch (jpeg_message) {
+    case JERR_ARITH_NOTIMPL:
+    case JERR_BAD_PRECISION:
+    case JERR_CCIR601_NOTIMPL:
+    case JERR_CONVERSION_NOTIMPL:
+    case JERR_FRACT_SAMPLE_NOTIMPL:
+    case JERR_IMAGE_TOO_BIG:
+    case JERR_NOT_COMPILED:
+    case JERR_SOF_UNSUPPORTED:
+    case JERR_WIDTH_OVERFLOW:
+      return StatusCode::kUnsupported;
+    case JERR_OUT_OF_MEMORY:
+      return StatusCode::kResourceExhausted;
+    default:
+      return StatusCode::kCorrupt;
+  }
+}
+
+// libjpeg-turbo with its error exits turned into a Status. libjpeg leaves by longjmp, which
+// must not cross an object with a destructor: only the Guarded() functions call libjpeg, and
+// they hold none.
+class Decoder {
+ public:
+  Decoder() {
+    info_.err = jpeg_std_error(&errors_);
+    errors_.error_exit = OnError;
+    errors_.emit_message = OnMessage;
+    progress_.progress_monitor = OnProgress;
+    info_.client_data = this;
+  }
+  ~Decoder() { jpeg_destroy_decompress(&info_); }
+  Decoder(const Decoder&) = delete;
+  Decoder& operator=(const Decoder&) = delete;
+
+  Status ReadHeader(std::span<const std::uint8_t> bytes) {
+    if (!GuardedReadHeader(bytes)) return Failure();
+    if (info_.num_components != 1 && info_.num_components != 3) {
+      return {StatusCode::kUnsupported, "JPEG colours are neither grey, YCbCr nor RGB"};
+    }
+    const std::int64_t pixels = std::int64_t{info_.image_width} * info_.image_height;
+    if (std::max(info_.image_width, info_.image_height) > unsigned{kMaxImageSide} ||
+        pixels > kMaxImagePixels) {
+      return {StatusCode::kUnsupported, "image is too large"};
+    }
+    return {};
+  }
+
+  Status ReadPixels(GreyImage& image) {
+    image.width = static_cast<int>(info_.image_width);
+    image.height = static_cast<int>(info_.image_height);
+    image.pixels.resize(std::size_t{info_.image_width} * info_.image_height);
+    return GuardedReadPixels(image.pixels.data()) ? Status() : Failure();
+  }
+
+  ExifInfo exif() const {
+    for (const jpeg_marker_struct* m = info_.marker_list; m != nullptr; m = m->next) {
+      const std::span<const std::uint8_t> segment(m->data, m->data_length);
+      if (segment.size() > kExifMark.size() &&
+          std::equal(kExifMark.begin(), kExifMark.end(), segment.begin())) {
+        return ParseExif(segment);
+      }
+    }
+    return {};
+  }
+
+ private:
+  bool GuardedReadHeader(std::span<const std::uint8_t> bytes) {
+    if (setjmp(leave_) != 0) return false;
+    jpeg_create_decompress(&info_);
+    info_.progress = &progress_;
+    jpeg_save_markers(&info_, JPEG_APP0 + 1, 0xFFFF);
+    jpeg_mem_src(&info_, bytes.data(), bytes.size());
+    jpeg_read_header(&info_, TRUE);
+    return true;
+  }
+
+  bool GuardedReadPixels(std::uint8_t* pixels) {
+    if (setjmp(leave_) != 0) return false;
+    info_.out_color_space = JCS_GRAYSCALE;
+    info_.dct_method = JDCT_ISLOW;  // the one that all processors compute alike
+    info_.do_block_smoothing = FALSE;
+    jpeg_start_decompress(&info_);
+    while (info_.output_scanline < info_.output_height) {
+      JSAMPROW row = pixels + std::size_t{info_.output_scanline} * info_.output_width;
+      jpeg_read_scanlines(&info_, &row, 1);
+    }
+    jpeg_finish_decompress(&info_);  // reads to the end: a missing end marker shows here
+    return true;
+  }
+
+  Status Failure() {
+    if (too_many_scans_) return {StatusCode::kUnsupported, "JPEG has too many scans"};
+    char message[JMSG_LENGTH_MAX];
+    errors_.format_message(reinterpret_cast<j_common_ptr>(&info_), message);
+    const StatusCode code = CodeOf(errors_.msg_code);
+    const bool no_jpeg = errors_.msg_code == JERR_NO_SOI || errors_.msg_code == JERR_INPUT_EMPTY;
+    const char* text = no_jpeg                            ? "not a JPEG"
+                       : code == StatusCode::kUnsupported ? "unsupported JPEG"
+                       : code == StatusCode::kCorrupt     ? "damaged JPEG"
+                                                          : "JPEG not decoded";
+    return {code, text, message};
+  }
+
+  static void OnError(j_common_ptr info) {
+    std::longjmp(static_cast<Decoder*>(info->client_data)->leave_, 1);
+  }
+
+  // libjpeg fills what is missing with grey and only warns. An odd JFIF version or Adobe
+  // block does not touch the pixels.
+  static void OnMessage(j_common_ptr info, int level) {
+    const int code = info->err->msg_code;
+    if (level < 0 && code != JWRN_JFIF_MAJOR && code != JWRN_ADOBE_XFORM) OnError(info);
+  }
+
+  static void OnProgress(j_common_ptr info) {
+    if (reinterpret_cast<j_decompress_ptr>(info)->input_scan_number <= kMaxScans) return;
+    static_cast<Decoder*>(info->client_data)->too_many_scans_ = true;
+    OnError(info);
+  }
+
+  jpeg_decompress_struct info_ = {};
+  jpeg_error_mgr errors_ = {};
+  jpeg_progress_mgr progress_ = {};
+  bool too_many_scans_ = false;
+  std::jmp_buf leave_;
+};
+
+}  // namespace
+
+Status DecodeJpeg(std::span<const std::uint8_t> bytes, GreyImage& image, ExifInfo* exif) {
+  image.width = image.height = 0;
+  Decoder decoder;
+  if (Status status = decoder.ReadHeader(bytes); !status.ok()) return status;
+  const ExifInfo found = decoder.exif();
+  GreyImage stored;
+  GreyImage& pixels = found.orientation == 1 ? image : stored;
+  if (Status status = decoder.ReadPixels(pixels); !status.ok()) {
+    image.width = image.height = 0;
+    return status;
+  }
+  if (found.orientation != 1) Orient(stored, found.orientation, image);
+  if (exif != nullptr) *exif = found;
+  return {};
+}
+
+}  // namespace viewfix

@@ -1,0 +1,88 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <unistd.h>
+
+#include <cinttypes>
+#include <csignal>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "engine/localizer.h"
+#include "models/model_view.h"
+#include "platform/camera/frame_source.h"
+#include "platform/clock.h"
+#include "platform/daemon/options.h"
+#include "platform/daemon/run_loop.h"
+#include "platform/file.h"
+#include "platform/publish/fix_writer.h"
+#include "platform/publish/publisher.h"
+
+namespace viewfix {
+namespace {
+
+volatile std::sig_atomic_t g_stop = 0;
+
+void OnStopSignal(int) { g_stop = 1; }
+
+// No SA_RESTART: a signal must end a write that waits for its reader.
+void HandleSignals() {
+  struct sigaction stop = {};
+  stop.sa_handler = OnStopSignal;
+  sigaction(SIGINT, &stop, nullptr);
+  sigaction(SIGTERM, &stop, nullptr);
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
+int Fail(const Status& status) {
+  PrintFault(status);
+  return 1;
+}
+
+int Run(const DaemonOptions& options) {
+  HandleSignals();
+  const Result<std::vector<std::uint8_t>> bytes = ReadFile(options.model_path);
+  if (!bytes.ok()) return Fail(bytes.status());
+  const Result<ModelView> model = ModelView::Open(*bytes);
+  if (!model.ok()) return Fail(AboutFile(options.model_path, model.status()));
+  Result<Localizer> localizer = Localizer::Create(*model, {.now_ns = MonotonicNs});
+  if (!localizer.ok()) return Fail(AboutFile(options.model_path, localizer.status()));
+  const Result<std::unique_ptr<FrameSource>> source = OpenReplay(options.replay_folder);
+  if (!source.ok()) return Fail(source.status());
+
+  FixWriter writer(*model);
+  const std::unique_ptr<Publisher> publisher = MakeStreamPublisher(STDOUT_FILENO);
+  RunReport report;
+  const Status status =
+      RunLoop(**source, options.rotate_deg, *localizer, writer, *publisher, g_stop, report);
+  if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
+  if (!status.ok() && g_stop == 0) return Fail(status);
+  std::fprintf(stderr,
+               "viewfixd: %" PRIu64 " frames, %" PRIu64 " localized, %" PRIu64 " unreadable\n",
+               report.frames, report.localized, report.failed);
+  if (report.frames > 0 || report.failed == 0) return 0;
+  return Fail({StatusCode::kCorrupt, "no frame could be read", options.replay_folder});
+}
+
+int Main(int argc, char** argv) {
+  const DaemonOptions options = ParseDaemonOptions(argc, argv);
+  switch (options.action) {
+    case DaemonOptions::Action::kHelp:
+      std::fputs(DaemonHelp(), stdout);
+      return 0;
+    case DaemonOptions::Action::kVersion:
+      std::puts("viewfixd " VIEWFIX_VERSION);
+      return 0;
+    case DaemonOptions::Action::kWrongUsage:
+      std::fprintf(stderr, "viewfixd: %s (see viewfixd --help)\n", options.error.c_str());
+      return 2;
+    case DaemonOptions::Action::kRun:
+      return Run(options);
+  }
+  return 2;
+}
+
+}  // namespace
+}  // namespace viewfix
+
+int main(int argc, char** argv) { return viewfix::Main(argc, argv); }

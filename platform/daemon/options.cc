@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "platform/daemon/options.h"
+
+#include <getopt.h>
+
+#include <string_view>
+
+namespace viewfix {
+namespace {
+
+constexpr std::string_view kReplay = "replay:";
+
+enum Flag : int { kModel = 1, kCamera, kPublish, kRotate, kHelp, kVersion };
+
+constexpr option kFlags[] = {
+    {"model", required_argument, nullptr, kModel},
+    {"camera", required_argument, nullptr, kCamera},
+    {"publish", required_argument, nullptr, kPublish},
+    {"rotate", required_argument, nullptr, kRotate},
+    {"help", no_argument, nullptr, kHelp},
+    {"version", no_argument, nullptr, kVersion},
+    {},
+};
+
+DaemonOptions WrongUsage(std::string error) {
+  DaemonOptions options;
+  options.action = DaemonOptions::Action::kWrongUsage;
+  options.error = std::move(error);
+  return options;
+}
+
+// -1: none of the four.
+int RotationOf(std::string_view text) {
+  if (text == "0") return 0;
+  if (text == "90") return 90;
+  if (text == "180") return 180;
+  return text == "270" ? 270 : -1;
+}
+
+// Empty: the value is taken; else what is wrong with it.
+std::string Take(int flag, const std::string& value, DaemonOptions& options) {
+  switch (flag) {
+    case kModel:
+      options.model_path = value;
+      return {};
+    case kCamera:
+      if (value.rfind(kReplay, 0) != 0 || value.size() == kReplay.size()) {
+        return "--camera " + value + ": this build has replay:DIR only";
+      }
+      options.replay_folder = value.substr(kReplay.size());
+      return {};
+    case kPublish:
+      return value == "stdout" ? "" : "--publish " + value + ": this build has stdout only";
+    case kRotate:
+      options.rotate_deg = RotationOf(value);
+      return options.rotate_deg >= 0 ? "" : "--rotate " + value + ": not 0, 90, 180 or 270";
+    case kHelp:
+      options.action = DaemonOptions::Action::kHelp;
+      return {};
+    default:
+      options.action = DaemonOptions::Action::kVersion;
+      return {};
+  }
+}
+
+}  // namespace
+
+DaemonOptions ParseDaemonOptions(int argc, char** argv) {
+  DaemonOptions options;
+  opterr = 0;
+  int flag = 0;
+  while ((flag = getopt_long(argc, argv, ":", kFlags, nullptr)) != -1) {
+    const std::string given = argv[optind - 1];
+    if (flag == ':') return WrongUsage(given + " needs a value");
+    if (flag == '?') return WrongUsage("unknown option " + given);
+    std::string error = Take(flag, optarg == nullptr ? "" : optarg, options);
+    if (!error.empty()) return WrongUsage(std::move(error));
+    if (options.action != DaemonOptions::Action::kRun) return options;
+  }
+  if (optind < argc) return WrongUsage(std::string("unexpected argument ") + argv[optind]);
+  if (options.model_path.empty()) return WrongUsage("--model FILE is missing");
+  if (options.replay_folder.empty()) return WrongUsage("--camera replay:DIR is missing");
+  return options;
+}
+
+const char* DaemonHelp() {
+  return R"(viewfixd: tells where a camera is, one JSON line a frame on stdout.
+
+  viewfixd --model FILE --camera replay:DIR [--publish stdout] [--rotate DEG]
+
+  --model FILE         the model that `viewfix train` made
+  --camera replay:DIR  the *.jpg of a folder in name order, or, where the folder holds
+                       images.csv, the files of its path column in row order
+  --publish stdout     where fixes go (the default)
+  --rotate DEG         turn frames clockwise first: 0, 90, 180 or 270
+  --help, --version    print and end
+
+Exit codes: 0 done; 1 failed, with one line on stderr; 2 wrong usage.
+
+Example: viewfixd --model site.vfx --camera replay:walk/ > fixes.jsonl
+)";
+}
+
+}  // namespace viewfix

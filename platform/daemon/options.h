@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <string>
+
+namespace viewfix {
+
+// The command line of viewfixd.
+struct DaemonOptions {
+  enum class Action { kRun, kHelp, kVersion, kWrongUsage };
+
+  Action action = Action::kRun;
+  std::string error;  // kWrongUsage: what is wrong
+  std::string model_path;
+  std::string replay_folder;
+  int rotate_deg = 0;  // clockwise, before localizing: 0, 90, 180, 270
+};
+
+// Reads the arguments of main(); call once a process (getopt keeps its place).
+DaemonOptions ParseDaemonOptions(int argc, char** argv);
+
+// The text of --help.
+const char* DaemonHelp();
+
+}  // namespace viewfix

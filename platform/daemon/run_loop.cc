@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "platform/daemon/run_loop.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <string>
+#include <utility>
+
+#include "platform/camera/orient.h"
+#include "platform/clock.h"
+
+namespace viewfix {
+namespace {
+
+// The EXIF orientation that turns a picture clockwise by 0, 90, 180, 270 degrees.
+int OrientationOf(int rotate_deg) {
+  constexpr int kOrientations[] = {1, 6, 3, 8};
+  return kOrientations[rotate_deg / 90];
+}
+
+FrameTimes TimesOf(const Frame& frame) {
+  const std::int64_t age_ns = MonotonicNs() - frame.capture_time_ns;
+  return {frame.sequence, frame.capture_time_ns, WallClockNs() - age_ns, age_ns};
+}
+
+}  // namespace
+
+void PrintFault(const Status& status) {
+  std::string line = "viewfixd: ";
+  line.append(status.text());
+  if (!status.detail().empty()) line.append(": ").append(status.detail());
+  // A file name may hold line ends and worse.
+  std::replace_if(
+      line.begin(), line.end(), [](unsigned char c) { return c < 0x20; }, '?');
+  std::fprintf(stderr, "%s\n", line.c_str());
+}
+
+Status RunLoop(FrameSource& source, int rotate_deg, Localizer& localizer, FixWriter& writer,
+               Publisher& publisher, const volatile std::sig_atomic_t& stop, RunReport& report) {
+  Frame frame;
+  GreyImage turned;
+  while (stop == 0) {
+    const Status read = source.Next(frame);
+    if (read.code() == StatusCode::kNotFound) break;
+    if (!read.ok()) {
+      PrintFault(read);
+      ++report.failed;
+      continue;
+    }
+    if (rotate_deg != 0) {
+      Orient(frame.image, OrientationOf(rotate_deg), turned);
+      std::swap(frame.image, turned);
+    }
+    const Result<Fix> fix = localizer.Localize(frame.image.view());
+    if (!fix.ok()) return fix.status();
+    ++report.frames;
+    if (fix->localized) ++report.localized;
+    const Status published = publisher.Publish(writer.Write(TimesOf(frame), *fix));
+    if (!published.ok()) return published;
+  }
+  return {};
+}
+
+}  // namespace viewfix

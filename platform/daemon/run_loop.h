@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <csignal>
+#include <cstdint>
+
+#include "engine/localizer.h"
+#include "platform/camera/frame_source.h"
+#include "platform/publish/fix_writer.h"
+#include "platform/publish/publisher.h"
+
+namespace viewfix {
+
+struct RunReport {
+  std::uint64_t frames = 0;  // that could be read
+  std::uint64_t localized = 0;
+  std::uint64_t failed = 0;  // that could not be read: each has its line on stderr
+};
+
+// Frame after frame: read, turn upright, localize, publish; until the source ends or `stop`
+// is set. An unreadable frame is reported on stderr and passed over. Returns why publishing
+// or localizing is impossible (kCancelled: the reader of the output is gone), else ok.
+Status RunLoop(FrameSource& source, int rotate_deg, Localizer& localizer, FixWriter& writer,
+               Publisher& publisher, const volatile std::sig_atomic_t& stop, RunReport& report);
+
+// "text: detail" on stderr, after the program's name: one line.
+void PrintFault(const Status& status);
+
+}  // namespace viewfix

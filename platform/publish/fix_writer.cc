@@ -1,0 +1,160 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "platform/publish/fix_writer.h"
+
+#include <algorithm>
+#include <chrono>
+
+namespace viewfix {
+namespace {
+
+// Names of at most 255 bytes (models/viewfix.fbs), each of which can become "\u00XX"; the
+// other parts of a line are numbers and fixed words.
+constexpr std::size_t kMaxNameBytes = 255;
+constexpr std::size_t kMaxNames = 2 + Fix::kMaxRivals;  // location, view, rivals
+constexpr std::size_t kMaxRestBytes = 2048;
+static_assert(kMaxNames * (6 * kMaxNameBytes + 3) + kMaxRestBytes <= JsonLine::kCapacity);
+
+// RFC 3339 in UTC with milliseconds: "2026-05-04T03:02:01.000Z".
+void AppendTime(std::int64_t utc_ns, JsonLine& line) {
+  using namespace std::chrono;
+  const sys_time<milliseconds> time(floor<milliseconds>(nanoseconds(utc_ns)));
+  const auto day = floor<days>(time);
+  const year_month_day date(day);
+  const hh_mm_ss clock(time - day);
+  line.Raw("\"");
+  line.Digits(int{date.year()}, 4);
+  line.Raw("-");
+  line.Digits(unsigned{date.month()}, 2);
+  line.Raw("-");
+  line.Digits(unsigned{date.day()}, 2);
+  line.Raw("T");
+  line.Digits(clock.hours().count(), 2);
+  line.Raw(":");
+  line.Digits(clock.minutes().count(), 2);
+  line.Raw(":");
+  line.Digits(clock.seconds().count(), 2);
+  line.Raw(".");
+  line.Digits(clock.subseconds().count(), 3);
+  line.Raw("Z\"");
+}
+
+void AppendFloats(std::span<const float> values, JsonLine& line) {
+  const char* separator = "[";
+  for (const float value : values) {
+    line.Raw(separator);
+    line.Float(value);
+    separator = ",";
+  }
+  line.Raw("]");
+}
+
+}  // namespace
+
+FixWriter::FixWriter(const ModelView& model) : model_(model), model_hash_(model.short_hash()) {}
+
+std::string_view FixWriter::Write(const FrameTimes& times, const Fix& fix) {
+  line_.Clear();
+  Times(times);
+  Answer(fix);
+  Rivals(fix);
+  line_.Raw(",\"inliers\":0");
+  Keyframe(fix);
+  line_.Raw(",\"pose\":null");
+  Reasons(fix);
+  StageMs(fix.ms);
+  line_.Raw("}\n");
+  return line_.text();
+}
+
+void FixWriter::Times(const FrameTimes& times) {
+  line_.Raw("{\"schema\":1,\"seq\":");
+  line_.Integer(static_cast<std::int64_t>(times.sequence));
+  line_.Raw(",\"capture_time_ns\":");
+  line_.Integer(times.capture_time_ns);
+  line_.Raw(",\"time\":");
+  AppendTime(times.capture_utc_ns, line_);
+  line_.Raw(",\"age_ms\":");
+  line_.Float(static_cast<float>(times.age_ns) * 1e-6F);
+  line_.Raw(",\"model\":");
+  line_.String({model_hash_.data(), model_hash_.size()});
+}
+
+void FixWriter::Answer(const Fix& fix) {
+  if (fix.localized) {
+    const std::string_view name = model_.location_name(fix.location_idx);
+    line_.Raw(",\"state\":\"localized\",\"location\":");
+    line_.String(name);
+    line_.Raw(",\"level\":");
+    line_.Integer(1 + std::count(name.begin(), name.end(), '/'));
+    line_.Raw(",\"view\":");
+    line_.String(model_.view_name(model_.scoring().pair_view[fix.pair_idx]));
+  } else {
+    line_.Raw(",\"state\":\"not_localized\",\"location\":null,\"level\":0,\"view\":null");
+  }
+  line_.Raw(",\"confidence\":");
+  line_.Float(fix.confidence);
+  line_.Raw(",\"score\":");
+  line_.Float(fix.score);
+  line_.Raw(",\"margin\":");
+  line_.Float(fix.margin);
+}
+
+void FixWriter::Rivals(const Fix& fix) {
+  line_.Raw(",\"rivals\":[");
+  for (int i = 0; i < fix.num_rivals; ++i) {
+    if (i > 0) line_.Raw(",");
+    line_.String(model_.location_name(fix.rivals[i]));
+  }
+  line_.Raw("]");
+}
+
+void FixWriter::Keyframe(const Fix& fix) {
+  line_.Raw(",\"keyframe\":");
+  if (!fix.localized || fix.keyframe_idx < 0) return line_.Raw("null");
+  line_.Raw("{\"id\":");
+  line_.Integer(fix.keyframe_idx);
+  line_.Raw(",\"pose\":");
+  KeyframePose(fix.keyframe_idx);
+  line_.Raw("}");
+}
+
+void FixWriter::KeyframePose(int keyframe_idx) {
+  const ModelKeyframes& keyframes = model_.keyframes();
+  if (keyframes.has_pose[keyframe_idx] == 0) return line_.Raw("null");
+  const std::span<const float> pose = keyframes.pose.subspan(std::size_t(keyframe_idx) * 7, 7);
+  line_.Raw("{\"frame\":\"world_from_cam\",\"map\":0,\"metric\":");
+  line_.Raw(model_.metric() ? "true" : "false");
+  line_.Raw(",\"t\":");
+  AppendFloats(pose.first(3), line_);
+  line_.Raw(",\"q_xyzw\":");
+  AppendFloats(pose.last(4), line_);
+  line_.Raw("}");
+}
+
+void FixWriter::Reasons(const Fix& fix) {
+  line_.Raw(",\"reasons\":[");
+  const char* separator = "";
+  for (const Reason reason : kAllReasons) {
+    if ((fix.reasons & reason) == 0) continue;
+    line_.Raw(separator);
+    line_.String(ReasonName(reason));
+    separator = ",";
+  }
+  line_.Raw("]");
+}
+
+void FixWriter::StageMs(const StageTimes& ms) {
+  line_.Raw(",\"ms\":{\"features\":");
+  line_.Float(ms.features);
+  line_.Raw(",\"score\":");
+  line_.Float(ms.score);
+  line_.Raw(",\"verify\":");
+  line_.Float(ms.verify);
+  line_.Raw(",\"pose\":");
+  line_.Float(ms.pose);
+  line_.Raw(",\"total\":");
+  line_.Float(ms.total);
+  line_.Raw("}");
+}
+
+}  // namespace viewfix

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <string_view>
+
+#include "engine/base/status.h"
+
+namespace viewfix {
+
+// Where fixes go.
+class Publisher {
+ public:
+  virtual ~Publisher() = default;
+  // Hands on one JSON line, its '\n' included, whole and at once. kCancelled: nobody reads
+  // any more, or a signal came while waiting: time to end, no fault. kIo: it cannot be written.
+  virtual Status Publish(std::string_view line) = 0;
+};
+
+// Writes to an open file descriptor (stdout: 1), unbuffered, waiting for a slow reader. The
+// descriptor is borrowed. SIGPIPE must be ignored by the program.
+std::unique_ptr<Publisher> MakeStreamPublisher(int fd);
+
+}  // namespace viewfix

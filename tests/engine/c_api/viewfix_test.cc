@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/viewfix.h"
+
+#include <gmock/gmock.h>
+
+#include <cstring>
+#include <memory>
+#include <string>
+
+#include "engine/localizer.h"
+#include "tests/testing/jpeg_encoder.h"
+#include "tests/testing/tiny_model.h"
+
+namespace viewfix {
+namespace {
+
+using testing::HasSubstr;
+
+constexpr int kWidth = 200;
+constexpr int kHeight = 150;
+
+struct Freer {
+  void operator()(viewfix_localizer* localizer) const { viewfix_free(localizer); }
+};
+
+class CApiTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    char error[64] = "unset";
+    viewfix_localizer* opened = nullptr;
+    ASSERT_EQ(viewfix_open(bytes_.data(), bytes_.size(), &opened, error, sizeof error), VIEWFIX_OK);
+    EXPECT_STREQ(error, "");
+    localizer_.reset(opened);
+  }
+  viewfix_status Localize(const std::vector<std::uint8_t>& pixels, viewfix_fix& fix) {
+    return viewfix_localize(localizer_.get(), pixels.data(), kWidth, kHeight, kWidth, &fix);
+  }
+
+  const std::vector<std::uint8_t> bytes_ = TinyModel();
+  const std::vector<std::uint8_t> texture_ = MakeTexture(kWidth, kHeight, 1);
+  std::unique_ptr<viewfix_localizer, Freer> localizer_;
+};
+
+TEST_F(CApiTest, AgreesWithTheEngine) {
+  const ModelView model = *ModelView::Open(bytes_);
+  Localizer engine = std::move(*Localizer::Create(model, {}));
+  for (std::uint32_t seed = 0; seed < 4; ++seed) {
+    const std::vector<std::uint8_t> pixels = MakeTexture(kWidth, kHeight, seed);
+    const Fix expected = *engine.Localize({pixels.data(), kWidth, kHeight, kWidth});
+    viewfix_fix fix = {};
+    fix.size = sizeof fix;
+    ASSERT_EQ(Localize(pixels, fix), VIEWFIX_OK);
+    ASSERT_EQ(fix.localized, 1);
+    EXPECT_EQ(fix.location, model.location_name(expected.location_idx));
+    EXPECT_EQ(fix.view, model.view_name(model.scoring().pair_view[expected.pair_idx]));
+    EXPECT_EQ(fix.reasons, expected.reasons);
+    EXPECT_EQ(fix.confidence, expected.confidence);
+    EXPECT_EQ(fix.score, expected.score);
+    EXPECT_EQ(fix.margin, expected.margin);
+    EXPECT_EQ(fix.keyframe_id, expected.keyframe_idx);
+    EXPECT_EQ(fix.keyframe_has_pose, model.keyframes().has_pose[expected.keyframe_idx]);
+    EXPECT_EQ(fix.keyframe_pose[1], model.keyframes().pose[expected.keyframe_idx * 7 + 1]);
+    EXPECT_EQ(fix.pose_valid, 0);
+  }
+}
+
+TEST_F(CApiTest, RowsMayBeApart) {
+  const int row_bytes = kWidth + 13;
+  std::vector<std::uint8_t> padded(std::size_t(row_bytes) * kHeight, 255);
+  for (int y = 0; y < kHeight; ++y) {
+    std::memcpy(&padded[std::size_t(y) * row_bytes], &texture_[std::size_t(y) * kWidth], kWidth);
+  }
+  viewfix_fix dense = {};
+  viewfix_fix apart = {};
+  dense.size = apart.size = sizeof dense;
+  ASSERT_EQ(Localize(texture_, dense), VIEWFIX_OK);
+  ASSERT_EQ(viewfix_localize(localizer_.get(), padded.data(), kWidth, kHeight, row_bytes, &apart),
+            VIEWFIX_OK);
+  EXPECT_EQ(apart.score, dense.score);
+  EXPECT_EQ(apart.keyframe_id, dense.keyframe_id);
+}
+
+TEST_F(CApiTest, NotKnowingIsAnAnswer) {
+  viewfix_fix fix = {};
+  fix.size = sizeof fix;
+  ASSERT_EQ(Localize(std::vector<std::uint8_t>(kWidth * kHeight, 99), fix), VIEWFIX_OK);
+  EXPECT_EQ(fix.localized, 0);
+  EXPECT_EQ(fix.reasons, std::uint32_t{VIEWFIX_TOO_FEW_FEATURES});
+  EXPECT_EQ(fix.location, nullptr);
+  EXPECT_EQ(fix.view, nullptr);
+  EXPECT_EQ(fix.keyframe_id, -1);
+}
+
+// A caller built against a newer header has a longer struct: the rest stays as it was.
+TEST_F(CApiTest, WritesNoMoreThanItKnows) {
+  struct Newer {
+    viewfix_fix fix;
+    int added;
+  } newer = {{}, 42};
+  newer.fix.size = sizeof newer;
+  ASSERT_EQ(Localize(texture_, newer.fix), VIEWFIX_OK);
+  EXPECT_EQ(newer.fix.size, sizeof newer);
+  EXPECT_EQ(newer.added, 42);
+}
+
+TEST_F(CApiTest, RefusesWrongArguments) {
+  viewfix_fix fix = {};
+  fix.size = sizeof fix;
+  fix.score = 7;
+  const std::uint8_t* pixels = texture_.data();
+  viewfix_localizer* const localizer = localizer_.get();
+  EXPECT_EQ(viewfix_localize(nullptr, pixels, 4, 4, 4, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, nullptr, 4, 4, 4, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 4, 4, 4, nullptr), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 0, 4, 4, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 4, -1, 4, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 4, 4, 3, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 4, 4, SIZE_MAX, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize(localizer, pixels, 20000, 1, 20000, &fix), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(fix.score, 7);
+  fix.size = 0;
+  EXPECT_EQ(Localize(texture_, fix), VIEWFIX_INVALID_ARGUMENT);
+}
+
+TEST(CApiOpenTest, RefusesWrongArguments) {
+  const std::vector<std::uint8_t> bytes = TinyModel();
+  viewfix_localizer* opened = nullptr;
+  EXPECT_EQ(viewfix_open(nullptr, 9, &opened, nullptr, 0), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_open(bytes.data(), bytes.size(), nullptr, nullptr, 0),
+            VIEWFIX_INVALID_ARGUMENT);
+  viewfix_free(nullptr);
+}
+
+TEST(CApiOpenTest, SaysWhatIsWrongInTheRoomThereIs) {
+  std::vector<std::uint8_t> bytes = TinyModel();
+  bytes.back() ^= 1;
+  char error[8];
+  std::memset(error, 'x', sizeof error);
+  viewfix_localizer* opened = reinterpret_cast<viewfix_localizer*>(&bytes);
+  EXPECT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, error, sizeof error),
+            VIEWFIX_CORRUPT);
+  EXPECT_EQ(opened, nullptr);
+  EXPECT_EQ(std::strlen(error), sizeof error - 1);
+  EXPECT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, nullptr, 0), VIEWFIX_CORRUPT);
+}
+
+TEST(CApiOpenTest, RefusesFeaturesItCannotMake) {
+  ModelData data = TinyModelData();
+  ++data.features.version;
+  const std::vector<std::uint8_t> bytes = *WriteModel(data);
+  char error[200];
+  viewfix_localizer* opened = nullptr;
+  EXPECT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, error, sizeof error),
+            VIEWFIX_UNSUPPORTED);
+  EXPECT_THAT(error, HasSubstr("features"));
+}
+
+TEST(CApiNamesTest, AreThere) {
+  EXPECT_STREQ(viewfix_version(), VIEWFIX_VERSION);
+  EXPECT_STREQ(viewfix_status_name(VIEWFIX_OK), "ok");
+  EXPECT_STREQ(viewfix_status_name(static_cast<viewfix_status>(7)), "unknown");
+  EXPECT_STREQ(viewfix_reason_name(VIEWFIX_AMBIGUOUS), "ambiguous");
+  EXPECT_STREQ(viewfix_reason_name(1U << 31), "");
+}
+
+}  // namespace
+}  // namespace viewfix

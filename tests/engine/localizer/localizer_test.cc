@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/localizer.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "engine/scoring/scoring.h"
+#include "models/model_writer.h"
+#include "tests/testing/tiny_model.h"
+
+namespace viewfix {
+namespace {
+
+// Blocks of random grey: enough corners and blobs for features.
+std::vector<std::uint8_t> Blocks(int width, int height, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<std::uint8_t> cells(64 * 64);
+  for (auto& cell : cells) cell = static_cast<std::uint8_t>(random());
+  std::vector<std::uint8_t> pixels(std::size_t(width) * height);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x) pixels[y * width + x] = cells[(y / 9 % 64) * 64 + x / 9 % 64];
+  }
+  return pixels;
+}
+
+class LocalizerTest : public ::testing::Test {
+ protected:
+  Localizer Make(const ModelData& data) {
+    file_ = *WriteModel(data);
+    model_ = *ModelView::Open(file_);
+    auto localizer = Localizer::Create(model_, {});
+    EXPECT_TRUE(localizer.ok());
+    return std::move(*localizer);
+  }
+
+  std::vector<std::uint8_t> file_;
+  ModelView model_;
+};
+
+TEST_F(LocalizerTest, AnswersAreConsistent) {
+  Localizer localizer = Make(TinyModelData());
+  const auto pixels = Blocks(320, 240, 1);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix.ok());
+  const ModelScoring& scoring = model_.scoring();
+  ASSERT_GE(fix->pair_idx, 0);
+  EXPECT_EQ(scoring.pair_location[fix->pair_idx], fix->location_idx);
+  EXPECT_EQ(model_.keyframes().pair[fix->keyframe_idx], fix->pair_idx);
+  EXPECT_EQ(fix->score, localizer.pair_scores()[fix->pair_idx]);
+  const auto locations = localizer.location_scores();
+  EXPECT_EQ(fix->margin, locations[fix->location_idx] - locations[1 - fix->location_idx]);
+  EXPECT_GE(fix->margin, 0);
+  const auto& curve = model_.confidence();
+  EXPECT_NEAR(fix->confidence,
+              1 / (1 + std::exp(-(curve.offset + curve.slope * fix->margin))), 1e-6);
+  EXPECT_TRUE(fix->localized);
+}
+
+TEST_F(LocalizerTest, FramesDoNotInfluenceEachOther) {
+  Localizer localizer = Make(TinyModelData());
+  const auto first = Blocks(320, 240, 1);
+  const auto second = Blocks(320, 240, 2);
+  const float alone = localizer.Localize({first.data(), 320, 240, 320})->score;
+  (void)localizer.Localize({second.data(), 320, 240, 320});
+  EXPECT_EQ(localizer.Localize({first.data(), 320, 240, 320})->score, alone);
+}
+
+TEST_F(LocalizerTest, APlainFrameIsNotLocalized) {
+  Localizer localizer = Make(TinyModelData());
+  const std::vector<std::uint8_t> grey(320 * 240, 128);
+  const auto fix = localizer.Localize({grey.data(), 320, 240, 320});
+  ASSERT_TRUE(fix.ok());
+  EXPECT_FALSE(fix->localized);
+  EXPECT_EQ(fix->reasons, kTooFewFeatures);
+  EXPECT_EQ(fix->location_idx, -1);
+  EXPECT_EQ(fix->keyframe_idx, -1);
+}
+
+TEST_F(LocalizerTest, BelowTheThresholdItSaysWhy) {
+  ModelData data = TinyModelData();
+  data.confidence = {.offset = -50, .slope = 0, .threshold = 0.5F};
+  Localizer localizer = Make(data);
+  const auto pixels = Blocks(320, 240, 1);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix.ok());
+  EXPECT_FALSE(fix->localized);
+  EXPECT_NE(fix->reasons, 0U);
+  EXPECT_GE(fix->location_idx, 0) << "the best guess stays for those who measure";
+}
+
+TEST_F(LocalizerTest, RivalsAreThoseWithinTheMargin) {
+  ModelData data = TinyModelData();
+  data.weight_scale.assign(4, 1e-6F);  // all scores are about the bias
+  Localizer near = Make(data);
+  const auto pixels = Blocks(320, 240, 1);
+  EXPECT_EQ(near.Localize({pixels.data(), 320, 240, 320})->num_rivals, 1);
+  data.bias = {5, 5, 0, 0};
+  Localizer far = Make(data);
+  EXPECT_EQ(far.Localize({pixels.data(), 320, 240, 320})->num_rivals, 0);
+}
+
+TEST_F(LocalizerTest, HostileImagesAreErrors) {
+  Localizer localizer = Make(TinyModelData());
+  const std::vector<std::uint8_t> pixels(100, 0);
+  EXPECT_FALSE(localizer.Localize({}).ok());
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 0, 10, 10}).ok());
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 10, -1, 10}).ok());
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 10, 10, 9}).ok());
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 20000, 10, 20000}).ok());
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 16000, 16000, 16000}).ok());
+}
+
+TEST_F(LocalizerTest, OddShapesAreOutcomes) {
+  Localizer localizer = Make(TinyModelData());
+  const auto pixels = Blocks(10000, 10, 1);
+  for (const auto& [width, height] : {std::pair(1, 1), std::pair(10000, 10), std::pair(10, 10000)}) {
+    const auto fix = localizer.Localize({pixels.data(), width, height, width});
+    ASSERT_TRUE(fix.ok());
+    EXPECT_FALSE(fix->localized && fix->num_features < kMinFeatures);
+  }
+}
+
+TEST_F(LocalizerTest, FeaturesThatCannotBeReproducedAreRefused) {
+  ModelData data = TinyModelData();
+  ++data.features.version;
+  const auto file = *WriteModel(data);
+  const auto created = Localizer::Create(*ModelView::Open(file), {});
+  EXPECT_EQ(created.status().code(), StatusCode::kUnsupported);
+  EXPECT_THAT(created.status().text(), ::testing::HasSubstr("cannot reproduce"));
+}
+
+TEST_F(LocalizerTest, AFeatureThisBuildLacksIsRefused) {
+  ModelData data = TinyModelData();
+  data.features.type = static_cast<std::uint8_t>(FeatureType::kSift);
+  const auto file = *WriteModel(data);
+  EXPECT_EQ(Localizer::Create(*ModelView::Open(file), {}).status().code(),
+            StatusCode::kUnsupported);
+}
+
+}  // namespace
+}  // namespace viewfix

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/retrieval/retrieval.h"
+
+#include <gtest/gtest.h>
+
+#include "models/model_view.h"
+#include "tests/testing/tiny_model.h"
+
+namespace viewfix {
+namespace {
+
+constexpr int kWords = 32;
+
+Histogram HistogramOf(const ModelKeyframes& keyframes, int k, HistogramMap map) {
+  std::vector<std::uint16_t> words;
+  for (std::uint32_t j = keyframes.word_begin[k]; j < keyframes.word_begin[k + 1]; ++j) {
+    words.insert(words.end(), keyframes.counts[j], keyframes.words[j]);
+  }
+  Histogram histogram;
+  HistogramBuilder(kWords, static_cast<int>(words.size()), map).Build(words, histogram);
+  return histogram;
+}
+
+double SquaredDistance(const Histogram& a, const Histogram& b) {
+  std::vector<double> difference(kWords, 0);
+  for (int i = 0; i < a.size(); ++i) difference[a.words[i]] += double{a.values[i]};
+  for (int i = 0; i < b.size(); ++i) difference[b.words[i]] -= double{b.values[i]};
+  double sum = 0;
+  for (const double d : difference) sum += d * d;
+  return sum;
+}
+
+class RetrievalTest : public ::testing::TestWithParam<HistogramMap> {
+ protected:
+  RetrievalTest()
+      : file_(TinyModel()),
+        model_(*ModelView::Open(file_)),
+        retrieval_(model_.keyframes(), GetParam(), kWords, model_.scoring().num_pairs) {}
+
+  std::vector<std::uint8_t> file_;
+  ModelView model_;
+  Retrieval retrieval_;
+};
+
+TEST_P(RetrievalTest, AKeyframeIsNearestToItself) {
+  for (int k = 0; k < model_.keyframes().size; ++k) {
+    retrieval_.SetQuery(HistogramOf(model_.keyframes(), k, GetParam()));
+    const int pair = model_.keyframes().pair[k];
+    EXPECT_EQ(retrieval_.Nearest(retrieval_.FirstOf(pair), retrieval_.LastOf(pair)), k);
+  }
+}
+
+TEST_P(RetrievalTest, SimilarityOrdersAsDistanceDoes) {
+  const ModelKeyframes& keyframes = model_.keyframes();
+  const Histogram query = HistogramOf(keyframes, 3, GetParam());
+  retrieval_.SetQuery(HistogramOf(keyframes, 5, GetParam()));  // must be forgotten
+  retrieval_.SetQuery(query);
+  double query_norm2 = 0;
+  for (const float value : query.values) query_norm2 += double{value} * value;
+  for (int k = 0; k < keyframes.size; ++k) {
+    const double distance2 = SquaredDistance(query, HistogramOf(keyframes, k, GetParam()));
+    EXPECT_NEAR(query_norm2 - 2 * double{retrieval_.Similarity(k)}, distance2, 1e-5) << k;
+  }
+}
+
+TEST_P(RetrievalTest, NoKeyframesNoNearest) {
+  retrieval_.SetQuery(HistogramOf(model_.keyframes(), 0, GetParam()));
+  EXPECT_EQ(retrieval_.Nearest(2, 2), -1);
+}
+
+INSTANTIATE_TEST_SUITE_P(Maps, RetrievalTest,
+                         ::testing::Values(HistogramMap::kL1, HistogramMap::kHellinger));
+
+}  // namespace
+}  // namespace viewfix

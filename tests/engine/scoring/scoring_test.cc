@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/scoring/scoring.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <random>
+
+namespace viewfix {
+namespace {
+
+// Three locations with 2, 1 and 2 pairs over six words.
+struct Fixture {
+  std::vector<std::uint16_t> location = {0, 0, 1, 2, 2};
+  std::vector<std::uint16_t> view = {0, 1, 0, 0, 1};
+  std::vector<float> bias = {0.1F, -0.2F, 0.3F, 0, -1};
+  std::vector<float> scale = {0.01F, 0.02F, 0.005F, 0.01F, 0.5F};
+  std::vector<std::int8_t> weights;
+  ModelScoring model;
+
+  Fixture() {
+    std::mt19937 random(5);
+    for (int i = 0; i < 6 * 5; ++i) {
+      weights.push_back(static_cast<std::int8_t>(static_cast<int>(random() % 255) - 127));
+    }
+    model.num_locations = 3;
+    model.num_views = 2;
+    model.num_pairs = 5;
+    model.pair_location = location;
+    model.pair_view = view;
+    model.bias = bias;
+    model.weight_scale = scale;
+    model.weights = weights;
+  }
+};
+
+Histogram SomeHistogram() {
+  Histogram histogram;
+  histogram.words = {0, 2, 5};
+  histogram.counts = {1, 2, 1};
+  histogram.values = {0.5F, 0.70710678F, 0.5F};
+  return histogram;
+}
+
+TEST(ScorePairs, IsEquation5) {
+  const Fixture f;
+  const Histogram h = SomeHistogram();
+  std::vector<float> scores(5);
+  ScorePairs(f.model, h, scores);
+  for (int p = 0; p < 5; ++p) {
+    double expected = f.bias[p];
+    for (int i = 0; i < h.size(); ++i) {
+      expected += double{f.scale[p]} * f.weights[h.words[i] * 5 + p] * h.values[i];
+    }
+    EXPECT_NEAR(scores[p], expected, 1e-5) << p;
+  }
+}
+
+TEST(ScorePairs, EmptyHistogramScoresTheBias) {
+  const Fixture f;
+  std::vector<float> scores(5, 7.0F);
+  ScorePairs(f.model, Histogram(), scores);
+  EXPECT_THAT(scores, ::testing::ElementsAreArray(f.bias));
+}
+
+TEST(ScoreLocations, BestPairAndSum) {
+  Fixture f;
+  const std::vector<float> pairs = {1, 3, -2, 0.5F, 0.25F};
+  std::vector<float> locations(3);
+  f.model.location_rule = LocationRule::kBestPair;
+  ScoreLocations(f.model, pairs, locations);
+  EXPECT_THAT(locations, ::testing::ElementsAre(3, -2, 0.5F));
+  f.model.location_rule = LocationRule::kSumOfPairs;
+  ScoreLocations(f.model, pairs, locations);
+  EXPECT_THAT(locations, ::testing::ElementsAre(4, -2, 0.75F));
+}
+
+TEST(BestPairOf, HighestAndLowestIndexAmongEquals) {
+  const Fixture f;
+  EXPECT_EQ(BestPairOf(f.model, std::vector<float>{1, 3, 9, 0, 0}, 0), 1);
+  EXPECT_EQ(BestPairOf(f.model, std::vector<float>{1, 3, 9, 0, 0}, 1), 2);
+  EXPECT_EQ(BestPairOf(f.model, std::vector<float>{1, 3, 9, 0, 0}, 2), 3);
+}
+
+}  // namespace
+}  // namespace viewfix

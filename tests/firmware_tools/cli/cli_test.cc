@@ -1,0 +1,277 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// The viewfix command as a user runs it. Every refusal is one line that names the file.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "models/model_view.h"
+#include "platform/file.h"
+#include "tests/testing/jpeg_encoder.h"
+#include "tests/testing/run_program.h"
+#include "tests/testing/small_site.h"
+
+namespace viewfix {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+ProgramRun Viewfix(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), VIEWFIX);
+  return RunProgram(arguments);
+}
+
+ProgramRun TrainSite(const std::string& set, const std::string& model) {
+  return Viewfix({"train", set, "--out", model, "--words", "20", "--max-features", "100"});
+}
+
+// The line that says why, behind the progress and the warnings.
+std::string LastLine(const ProgramRun& run) {
+  const auto lines = Lines(run.err);
+  return lines.empty() ? "" : lines.back();
+}
+
+// PREFIX0, PREFIX1, ... (g++ 12 warns wrongly of `"a" + std::to_string(i)`.)
+std::string Numbered(std::string prefix, int i) { return prefix += std::to_string(i); }
+
+class CliTest : public ::testing::Test {
+ protected:
+  std::string Site(int per_view = 6) { return WriteSmallSite(folder_, "site", per_view); }
+  std::string Model() const { return folder_ / "site.vfx"; }
+  // Training fails with one line that holds `words`, and writes nothing.
+  void ExpectTrainRefuses(const std::string& set, const std::vector<std::string>& words) {
+    const ProgramRun run = TrainSite(set, Model());
+    EXPECT_EQ(run.exit_code, 1) << run.err;
+    EXPECT_THAT(LastLine(run), HasSubstr("viewfix: "));
+    for (const std::string& word : words) EXPECT_THAT(LastLine(run), HasSubstr(word));
+    EXPECT_FALSE(std::filesystem::exists(Model()));
+  }
+  void AppendRow(const std::string& row) {
+    std::ofstream(folder_ / "site/images.csv", std::ios::app) << row << "\n";
+  }
+
+  TempFolder folder_;
+};
+
+TEST_F(CliTest, HelpAndUsage) {
+  EXPECT_EQ(Viewfix({"--help"}).exit_code, 0);
+  for (const char* command : {"simulate", "check", "train", "eval", "inspect"}) {
+    const ProgramRun help = Viewfix({command, "--help"});
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_THAT(help.out, HasSubstr("Example: viewfix"));
+    EXPECT_EQ(Viewfix({command}).exit_code, 2) << command << " without arguments";
+  }
+  EXPECT_EQ(Viewfix({}).exit_code, 2);
+  EXPECT_EQ(Viewfix({"fly"}).exit_code, 2);
+  EXPECT_EQ(Viewfix({"train", "x", "--out", "y", "--words", "1"}).exit_code, 2);
+  EXPECT_EQ(Viewfix({"train", "x", "--out", "y", "--views", "sideways"}).exit_code, 2);
+}
+
+TEST_F(CliTest, FromPhotographsToFigures) {
+  const std::string site = Site();
+  const ProgramRun train = TrainSite(site, Model());
+  ASSERT_EQ(train.exit_code, 0) << train.err;
+  const std::string figures_file = folder_ / "figures.json";
+  const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--json", figures_file});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  const auto figures = nlohmann::json::parse(std::ifstream(figures_file));
+  EXPECT_EQ(figures["schema"], 1);
+  EXPECT_EQ(figures["images"], 6);
+  EXPECT_EQ(figures["location"]["labelled"], 6);
+  EXPECT_GE(figures["location"]["accuracy"], 0.8);
+  EXPECT_GE(figures["view"]["accuracy"], 0.8);
+  for (const char* key : {"model_bytes", "retrieval", "pose", "refusal", "confidence", "latency_ms"}) {
+    EXPECT_TRUE(figures.contains(key)) << key;
+  }
+  EXPECT_TRUE(figures["unknown"].is_null());
+  const ProgramRun inspect = Viewfix({"inspect", Model(), "--json"});
+  ASSERT_EQ(inspect.exit_code, 0);
+  const auto description = nlohmann::json::parse(inspect.out);
+  EXPECT_EQ(description["words"], 20);
+  EXPECT_EQ(description["locations"].size(), 3U);
+  EXPECT_EQ(description["training"]["samples"], 30);
+  EXPECT_EQ(Viewfix({"inspect", Model()}).exit_code, 0);
+}
+
+TEST_F(CliTest, TheSameInputsGiveTheSameBytes) {
+  const std::string site = Site();
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  ASSERT_EQ(Viewfix({"train", site, "--out", folder_ / "again.vfx", "--words", "20",
+                     "--max-features", "100", "--jobs", "3"})
+                .exit_code,
+            0);
+  EXPECT_EQ(*ReadFile(Model()), *ReadFile(folder_ / "again.vfx"));
+}
+
+TEST_F(CliTest, EvalOfAnUnknownPlace) {
+  const std::string site = Site();
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  const std::string json = folder_ / "f.json";
+  ASSERT_EQ(Viewfix({"eval", site, "--model", Model(), "--unknown", site, "--json", json}).exit_code, 0);
+  EXPECT_EQ(nlohmann::json::parse(std::ifstream(json))["unknown"]["images"], 36);
+}
+
+TEST_F(CliTest, SetsThatCannotBeUsed) {
+  ExpectTrainRefuses(folder_ / "nowhere", {"nowhere"});
+  folder_.Write("a/images.csv", std::string_view("location\nx\n"));
+  ExpectTrainRefuses(folder_ / "a", {"a/images.csv", "path"});
+  folder_.Write("b/images.csv", std::string_view("path\nx.jpg\ny.jpg\nx.jpg\n"));
+  ExpectTrainRefuses(folder_ / "b", {"b/images.csv", "x.jpg"});
+  folder_.Write("c/images.csv",
+                std::string_view("path,tx,ty,tz,qx,qy,qz,qw\nx.jpg,nan,0,0,0,0,0,1\n"));
+  ExpectTrainRefuses(folder_ / "c", {"c/images.csv"});
+}
+
+TEST_F(CliTest, ASetWithoutPlacesSaysWhatToAdd) {
+  const std::string site = Site();
+  std::string csv = "path\n";
+  for (const auto& entry : std::filesystem::directory_iterator(site)) {
+    if (entry.path().extension() == ".jpg") csv += entry.path().filename().string() + "\n";
+  }
+  folder_.Write("site/images.csv", csv);
+  ExpectTrainRefuses(site, {"images.csv", "location", "poses"});
+}
+
+TEST_F(CliTest, OneBadPhotographIsSkippedAndCounted) {
+  const std::string site = Site();
+  const auto good = *ReadFile(site + "/bar-left-0.jpg");
+  folder_.Write("site/truncated.jpg", std::span(good).first(good.size() / 2));
+  folder_.Write("site/text.jpg", std::string_view("not an image"));
+  AppendRow("truncated.jpg,bar,left,train");
+  AppendRow("text.jpg,bar,left,train");
+  AppendRow("missing.jpg,bar,left,train");
+  const ProgramRun run = TrainSite(site, Model());
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  for (const char* name : {"truncated.jpg", "text.jpg", "missing.jpg", "3 of 33"}) {
+    EXPECT_THAT(run.err, HasSubstr(name));
+  }
+}
+
+TEST_F(CliTest, OddSizesAreSkipped) {
+  const std::string site = Site();
+  const std::vector<std::uint8_t> dot = {7};
+  folder_.Write("site/dot.jpg", EncodeJpeg(dot, 1, 1, 1));
+  folder_.Write("site/strip.jpg", EncodeJpeg(std::vector<std::uint8_t>(20000 * 10, 90), 20000, 10, 1));
+  AppendRow("dot.jpg,bar,left,train");
+  AppendRow("strip.jpg,bar,left,train");
+  const ProgramRun run = TrainSite(site, Model());
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.err, HasSubstr("dot.jpg"));
+  EXPECT_THAT(run.err, HasSubstr("strip.jpg"));
+}
+
+TEST_F(CliTest, TooManyBadPhotographsAreFatal) {
+  const std::string site = Site();
+  for (int i = 0; i < 12; ++i) AppendRow(Numbered("missing", i) + ".jpg,bar,left,train");
+  ExpectTrainRefuses(site, {"images.csv", "12 of 42", "missing0.jpg"});
+}
+
+TEST_F(CliTest, ALocationLeftEmptyIsFatal) {
+  const std::string site = Site();
+  AppendRow("missing.jpg,dungeon,left,train");
+  ExpectTrainRefuses(site, {"dungeon"});
+}
+
+TEST_F(CliTest, ALocationOfOneImageIsFatal) {
+  const std::string site = Site();
+  folder_.Write("site/lone.jpg", *ReadFile(site + "/bar-left-0.jpg"));
+  AppendRow("lone.jpg,dungeon,left,train");
+  ExpectTrainRefuses(site, {"dungeon", "one training image"});
+}
+
+TEST_F(CliTest, ALocationOfOneViewIsAWarning) {
+  const std::string site = Site();
+  for (int i = 0; i < 8; ++i) {
+    const std::string name = Numbered("d", i) + ".jpg";
+    folder_.Write("site/" + name, EncodeJpeg(MakeTexture(160, 120, 77 + i), 160, 120, 1));
+    AppendRow(name + ",dungeon,left,train");
+  }
+  const ProgramRun run = TrainSite(site, Model());
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_THAT(run.err, HasSubstr("dungeon: photographed in one direction only"));
+}
+
+TEST_F(CliTest, OutputsThatCannotBeWritten) {
+  const std::string site = Site();
+  const ProgramRun run = TrainSite(site, folder_ / "no/such/folder/m.vfx");
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(LastLine(run), HasSubstr("no/such/folder"));
+  EXPECT_THAT(run.err, Not(HasSubstr("features"))) << "said before any work";
+  EXPECT_EQ(TrainSite(site, folder_.path()).exit_code, 1) << "a folder is no model file";
+  EXPECT_EQ(Viewfix({"simulate", "--out", folder_ / "no/museum"}).exit_code, 1);
+}
+
+// /dev/full stands for a full disk where a file is opened; a limit on the file's size for one
+// that fills up while writing.
+TEST_F(CliTest, AFullDiskLeavesNothing) {
+  const std::string site = Site();
+  const ProgramRun run = RunProgram(
+      {"/bin/bash", "-c",
+       "trap '' XFSZ; ulimit -f 1; exec \"$0\" train \"$1\" --out \"$2\" --words 20 2>&1", VIEWFIX,
+       site, Model()});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.out, HasSubstr("site.vfx"));
+  EXPECT_FALSE(std::filesystem::exists(Model()));
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
+    EXPECT_EQ(entry.path().filename(), "site") << "a temporary file was left";
+  }
+}
+
+TEST_F(CliTest, CtrlCWhileTrainingLeavesNothing) {
+  const std::string site = Site(40);
+  const ProgramRun run = RunProgram(
+      {"/bin/bash", "-c",
+       "\"$0\" train \"$1\" --out \"$2\" --words 200 2> \"$3\" & p=$!; "
+       "until grep -q features \"$3\"; do :; done; kill -TERM $p; wait $p",
+       VIEWFIX, site, Model(), folder_ / "log"});
+  EXPECT_EQ(run.exit_code, 1);
+  const auto log = *ReadFile(folder_ / "log");
+  EXPECT_THAT(std::string(log.begin(), log.end()), HasSubstr("interrupted"));
+  EXPECT_FALSE(std::filesystem::exists(Model()));
+}
+
+TEST_F(CliTest, DamagedModelsAreRefused) {
+  const std::string site = Site();
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  const auto good = *ReadFile(Model());
+  auto flipped = good;
+  flipped[flipped.size() / 2] ^= 4;
+  auto newer = good;
+  newer[8] = 200;
+  const std::pair<std::string, std::vector<std::uint8_t>> damaged[] = {
+      {"flipped.vfx", flipped},
+      {"newer.vfx", newer},
+      {"short.vfx", {good.begin(), good.begin() + static_cast<std::ptrdiff_t>(good.size() / 3)}},
+      {"empty.vfx", {}}};
+  for (const auto& [name, bytes] : damaged) {
+    const std::string path = folder_.Write(name, bytes);
+    for (const auto& command : {std::vector<std::string>{"inspect", path},
+                                std::vector<std::string>{"eval", site, "--model", path}}) {
+      const ProgramRun run = Viewfix(command);
+      EXPECT_EQ(run.exit_code, 1) << name;
+      EXPECT_THAT(LastLine(run), HasSubstr(name));
+    }
+  }
+  EXPECT_THAT(Viewfix({"inspect", folder_ / "newer.vfx"}).err, HasSubstr("newer"));
+  EXPECT_EQ(Viewfix({"inspect", folder_ / "absent.vfx"}).exit_code, 1);
+}
+
+TEST_F(CliTest, CheckReports) {
+  const std::string site = Site();
+  folder_.Write("site/text.jpg", std::string_view("not an image"));
+  AppendRow("text.jpg,bar,left,train");
+  const std::string json = folder_ / "check.json";
+  const ProgramRun run =
+      Viewfix({"check", site, "--json", json, "--max-features", "100"});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  EXPECT_THAT(run.out, HasSubstr("text.jpg"));
+  const auto report = nlohmann::json::parse(std::ifstream(json));
+  EXPECT_EQ(report["findings"][0]["kind"], "unreadable");
+  EXPECT_EQ(report["recall"].size(), 6U);
+}
+
+}  // namespace
+}  // namespace viewfix

@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/training/confidence.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+namespace viewfix {
+namespace {
+
+std::vector<Outcome> Draw(double offset, double slope, int count) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> uniform;
+  std::vector<Outcome> outcomes;
+  for (int i = 0; i < count; ++i) {
+    const double margin = 2 * uniform(random);
+    const double p = 1 / (1 + std::exp(-(offset + slope * margin)));
+    outcomes.push_back({margin, uniform(random) < p});
+  }
+  return outcomes;
+}
+
+TEST(FitConfidence, RecoversTheCurveThatMadeTheData) {
+  const ModelConfidence curve = FitConfidence(Draw(-1, 3, 50000));
+  EXPECT_NEAR(curve.offset, -1, 0.1);
+  EXPECT_NEAR(curve.slope, 3, 0.15);
+}
+
+TEST(FitConfidence, SeparableOutcomesStayFinite) {
+  std::vector<Outcome> outcomes;
+  for (int i = 0; i < 20; ++i) outcomes.push_back({0.1 * i, i >= 10});
+  const ModelConfidence curve = FitConfidence(outcomes);
+  EXPECT_TRUE(std::isfinite(curve.slope));
+  EXPECT_GT(curve.slope, 0);
+}
+
+TEST(FitConfidence, AMarginThatMisleadsIsNotUsed) {
+  const ModelConfidence curve = FitConfidence(Draw(1, -2, 2000));
+  EXPECT_EQ(curve.slope, 0);
+}
+
+TEST(FitConfidence, DegenerateInputs) {
+  EXPECT_TRUE(std::isfinite(FitConfidence({}).offset));
+  const std::vector<Outcome> same(10, Outcome{0.5, true});
+  const ModelConfidence curve = FitConfidence(same);
+  EXPECT_TRUE(std::isfinite(curve.offset));
+  EXPECT_TRUE(std::isfinite(curve.slope));
+}
+
+}  // namespace
+}  // namespace viewfix

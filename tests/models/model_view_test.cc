@@ -1,0 +1,166 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "models/model_view.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+#include <limits>
+#include <random>
+#include <utility>
+
+#include "models/model_writer.h"
+#include "tests/testing/tiny_model.h"
+
+namespace viewfix {
+namespace {
+
+using ::testing::HasSubstr;
+
+using Bytes = std::vector<std::uint8_t>;
+
+// A hash that matches, so that a test reaches the checks behind it.
+void Rehash(Bytes& file) {
+  const auto hash = HashModel(file);
+  std::copy(hash.begin(), hash.end(), file.begin() + kModelHashOffset);
+}
+
+TEST(ModelView, ReadsWhatWasWritten) {
+  const ModelData data = TinyModelData();
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const auto view = ModelView::Open(*file);
+  ASSERT_TRUE(view.ok()) << view.status().text();
+  EXPECT_EQ(view->features().max_features, data.features.max_features);
+  EXPECT_EQ(view->features().threshold, data.features.threshold);
+  EXPECT_THAT(view->vocabulary().words, ::testing::ElementsAreArray(data.words));
+  EXPECT_THAT(view->scoring().weights, ::testing::ElementsAreArray(data.weights));
+  EXPECT_THAT(view->scoring().bias, ::testing::ElementsAreArray(data.bias));
+  EXPECT_THAT(view->keyframes().counts, ::testing::ElementsAreArray(data.keyframe_counts));
+  EXPECT_EQ(view->location_name(1), data.locations[1]);
+  EXPECT_EQ(view->view_name(0), data.views[0]);
+  EXPECT_EQ(view->record(), data.record);
+  EXPECT_EQ(view->metric(), data.metric);
+}
+
+TEST(ModelView, SameDataSameBytes) { EXPECT_EQ(TinyModel(), TinyModel()); }
+
+TEST(ModelView, RefusesEveryTruncation) {
+  const Bytes file = TinyModel();
+  for (std::size_t size = 0; size < file.size(); ++size) {
+    const Bytes part(file.begin(), file.begin() + size);
+    EXPECT_FALSE(ModelView::Open(part).ok()) << size;
+  }
+}
+
+TEST(ModelView, RefusesEveryFlippedBit) {
+  Bytes file = TinyModel();
+  for (std::size_t i = 0; i < file.size(); ++i) {
+    const auto flipped = static_cast<std::uint8_t>(file[i] ^ (1 << (i % 8)));
+    const std::uint8_t good = std::exchange(file[i], flipped);
+    EXPECT_FALSE(ModelView::Open(file).ok()) << "byte " << i;
+    file[i] = good;
+  }
+  EXPECT_TRUE(ModelView::Open(file).ok());
+}
+
+TEST(ModelView, RefusesBytesAfterItsEnd) {
+  Bytes file = TinyModel();
+  file.push_back(0);
+  EXPECT_THAT(ModelView::Open(file).status().text(), HasSubstr("after its end"));
+}
+
+TEST(ModelView, NewerFormatSaysSo) {
+  Bytes file = TinyModel();
+  file[8] = kModelFormatVersion + 1;
+  Rehash(file);
+  const Status status = ModelView::Open(file).status();
+  EXPECT_EQ(status.code(), StatusCode::kUnsupported);
+  EXPECT_THAT(status.text(), HasSubstr("newer"));
+}
+
+TEST(ModelView, UnalignedBytesAreRefused) {
+  const Bytes file = TinyModel();
+  Bytes shifted(file.size() + 1);
+  std::copy(file.begin(), file.end(), shifted.begin() + 1);
+  EXPECT_EQ(ModelView::Open(std::span(shifted).subspan(1)).status().code(),
+            StatusCode::kInvalidArgument);
+}
+
+// Behind a matching hash, any bytes are refused or read, and never crash the reader.
+TEST(ModelView, SurvivesHostileBytesBehindAMatchingHash) {
+  const Bytes good = TinyModel();
+  std::mt19937 random(7);
+  int refused = 0;
+  for (int round = 0; round < 3000; ++round) {
+    Bytes file = good;
+    const int changes = 1 + static_cast<int>(random() % 4);
+    for (int c = 0; c < changes; ++c) {
+      const std::size_t at = kModelHeaderBytes + random() % (file.size() - kModelHeaderBytes);
+      file[at] = static_cast<std::uint8_t>(random());
+    }
+    Rehash(file);
+    const auto view = ModelView::Open(file);
+    refused += view.ok() ? 0 : 1;
+    if (!view.ok()) continue;
+    for (int l = 0; l < view->scoring().num_locations; ++l) (void)view->location_name(l).size();
+    for (int p = 0; p < view->scoring().num_pairs; ++p) {
+      ASSERT_LT(view->scoring().pair_location[p], view->scoring().num_locations);
+      ASSERT_LT(view->scoring().pair_view[p], view->scoring().num_views);
+    }
+  }
+  EXPECT_GT(refused, 300);
+}
+
+struct Broken {
+  const char* name;
+  std::function<void(ModelData&)> break_it;
+};
+
+class BrokenModel : public ::testing::TestWithParam<Broken> {};
+
+TEST_P(BrokenModel, IsRefused) {
+  ModelData data = TinyModelData();
+  ASSERT_TRUE(WriteModel(data).ok());
+  GetParam().break_it(data);
+  EXPECT_FALSE(WriteModel(data).ok());
+}
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+
+INSTANTIATE_TEST_SUITE_P(
+    Semantics, BrokenModel,
+    ::testing::Values(
+        Broken{"side_too_large", [](ModelData& d) { d.features.max_image_side = 5000; }},
+        Broken{"no_features", [](ModelData& d) { d.features.max_features = 0; }},
+        Broken{"threshold_nan", [](ModelData& d) { d.features.threshold = kNan; }},
+        Broken{"words_missing", [](ModelData& d) { d.words.pop_back(); }},
+        Broken{"no_words", [](ModelData& d) { d.words.clear(); }},
+        Broken{"locations_out_of_order",
+               [](ModelData& d) { std::swap(d.locations[0], d.locations[1]); }},
+        Broken{"empty_name", [](ModelData& d) { d.views[0] = ""; }},
+        Broken{"name_twice", [](ModelData& d) { d.views[1] = d.views[0]; }},
+        Broken{"bias_nan", [](ModelData& d) { d.bias[0] = kNan; }},
+        Broken{"bias_short", [](ModelData& d) { d.bias.pop_back(); }},
+        Broken{"scale_infinite",
+               [](ModelData& d) { d.weight_scale[0] = std::numeric_limits<float>::infinity(); }},
+        Broken{"weights_short", [](ModelData& d) { d.weights.pop_back(); }},
+        Broken{"pair_of_no_location", [](ModelData& d) { d.pair_location[3] = 2; }},
+        Broken{"pair_twice", [](ModelData& d) { d.pair_view[3] = d.pair_view[2]; }},
+        Broken{"location_without_pair", [](ModelData& d) { d.locations.push_back("zoo"); }},
+        Broken{"view_out_of_range", [](ModelData& d) { d.pair_view[3] = 9; }},
+        Broken{"slope_negative", [](ModelData& d) { d.confidence.slope = -1; }},
+        Broken{"threshold_over_one", [](ModelData& d) { d.confidence.threshold = 1.5F; }},
+        Broken{"keyframe_of_no_pair", [](ModelData& d) { d.keyframe_pair.back() = 99; }},
+        Broken{"keyframe_words_out_of_order",
+               [](ModelData& d) { std::swap(d.keyframe_words[0], d.keyframe_words[1]); }},
+        Broken{"keyframe_word_out_of_range", [](ModelData& d) { d.keyframe_words.back() = 60000; }},
+        Broken{"keyframe_count_zero", [](ModelData& d) { d.keyframe_counts[0] = 0; }},
+        Broken{"keyframe_offsets", [](ModelData& d) { d.keyframe_word_begin[1] = 1000000; }},
+        Broken{"pose_nan", [](ModelData& d) { d.keyframe_pose[0][0] = kNan; }},
+        Broken{"pose_not_unit", [](ModelData& d) { d.keyframe_pose[0][3] = 2; }}),
+    [](const auto& param) { return param.param.name; });
+
+}  // namespace
+}  // namespace viewfix

@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <iterator>
+
+#include "tests/testing/jpeg_encoder.h"
+#include "tests/testing/run_program.h"
+#include "tests/testing/temp_folder.h"
+#include "tests/testing/tiny_model.h"
+
+namespace viewfix {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+using testing::SizeIs;
+using testing::StartsWith;
+
+constexpr int kWidth = 200;
+constexpr int kHeight = 150;
+
+ProgramRun Viewfixd(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), VIEWFIXD);
+  return RunProgram(arguments);
+}
+
+class ViewfixdTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    model_ = folder_.Write("site.vfx", TinyModel());
+    for (std::uint32_t i = 0; i < 3; ++i) {
+      folder_.Write("walk/" + std::to_string(i) + ".jpg",
+                    EncodeJpeg(MakeTexture(kWidth, kHeight, i), kWidth, kHeight, 1));
+    }
+    const std::vector<std::uint8_t> plain(std::size_t{kWidth} * kHeight, 128);
+    folder_.Write("walk/plain.jpg", EncodeJpeg(plain, kWidth, kHeight, 1));
+  }
+
+  std::vector<std::string> Arguments() const {
+    return {"--model", model_, "--camera", "replay:" + folder_ / "walk"};
+  }
+  ProgramRun Replay(const std::vector<std::string>& more = {}) const {
+    std::vector<std::string> arguments = Arguments();
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Viewfixd(arguments);
+  }
+
+  TempFolder folder_;
+  std::string model_;
+};
+
+void ExpectOneLine(const ProgramRun& run, int exit_code, const std::string& about) {
+  EXPECT_EQ(run.exit_code, exit_code);
+  EXPECT_EQ(run.out, "");
+  EXPECT_THAT(Lines(run.err), SizeIs(1));
+  EXPECT_THAT(run.err, StartsWith("viewfixd: "));
+  EXPECT_THAT(run.err, HasSubstr(about));
+}
+
+std::string Between(const std::string& line, const std::string& from, const std::string& to) {
+  const std::size_t begin = line.find(from);
+  return line.substr(begin, line.find(to, begin) - begin);
+}
+
+TEST_F(ViewfixdTest, ReplaysAFolder) {
+  const ProgramRun run = Replay();
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const std::vector<std::string> lines = Lines(run.out);
+  ASSERT_THAT(lines, SizeIs(4));
+  for (int i = 0; i < 4; ++i) {
+    EXPECT_THAT(lines[i], StartsWith("{\"schema\":1,\"seq\":" + std::to_string(i) + ","));
+    EXPECT_THAT(lines[i], HasSubstr(i < 3 ? "\"location\":\"floor1/" : "\"location\":null"));
+  }
+  EXPECT_EQ(run.err, "viewfixd: 4 frames, 3 localized, 0 unreadable\n");
+}
+
+TEST_F(ViewfixdTest, TwoRunsAgreeTimesAside) {
+  const std::vector<std::string> first = Lines(Replay().out);
+  const std::vector<std::string> second = Lines(Replay({"--publish", "stdout"}).out);
+  ASSERT_EQ(first.size(), second.size());
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    EXPECT_EQ(Between(first[i], "\"model\"", "\"ms\""), Between(second[i], "\"model\"", "\"ms\""));
+  }
+}
+
+// The same JPEG turned by its EXIF block and by the option: the same pixels, the same fix.
+TEST_F(ViewfixdTest, RotateTurnsFramesClockwise) {
+  const std::vector<std::uint8_t> pixels = MakeTexture(kWidth, kHeight, 1);
+  folder_.Write("plain/1.jpg", EncodeJpeg(pixels, kWidth, kHeight, 1));
+  const auto fix_of = [&](const std::string& folder, const std::string& rotate) {
+    const std::string camera = "replay:" + folder_ / folder;
+    const ProgramRun run = Viewfixd({"--model", model_, "--camera", camera, "--rotate", rotate});
+    return Between(run.out, "\"confidence\"", "\"pose\":null,");
+  };
+  const std::string unturned = fix_of("plain", "0");
+  for (const auto& [orientation, rotate] : {std::pair(6, "90"), {3, "180"}, {8, "270"}}) {
+    const JpegEncoding encoding = {.app1 = MakeExif(orientation, 0, false)};
+    folder_.Write("turned/1.jpg", EncodeJpeg(pixels, kWidth, kHeight, 1, encoding));
+    EXPECT_EQ(fix_of("plain", rotate), fix_of("turned", "0")) << rotate;
+    EXPECT_NE(fix_of("plain", rotate), unturned) << rotate;
+  }
+}
+
+TEST_F(ViewfixdTest, AnUnreadableFrameIsNamedCountedAndPassedOver) {
+  folder_.Write("walk/1.jpg", "no JPEG");
+  const ProgramRun run = Replay();
+  EXPECT_EQ(run.exit_code, 0);
+  EXPECT_THAT(Lines(run.out), SizeIs(3));
+  EXPECT_THAT(run.out, Not(HasSubstr("\"seq\":1,")));
+  EXPECT_THAT(run.err, HasSubstr("walk/1.jpg"));
+  EXPECT_THAT(run.err, HasSubstr("3 frames, 2 localized, 1 unreadable"));
+}
+
+TEST_F(ViewfixdTest, NoReadableFrameIsAFailure) {
+  folder_.Write("bad/1.jpg", "no JPEG");
+  const ProgramRun run = Viewfixd({"--model", model_, "--camera", "replay:" + folder_ / "bad"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(run.err, HasSubstr("no frame could be read"));
+}
+
+TEST_F(ViewfixdTest, WrongUsageIsTwo) {
+  const std::vector<std::vector<std::string>> wrong = {
+      {},
+      {"--model", model_},
+      {"--camera", "replay:walk"},
+      {"--model"},
+      {"--nonsense"},
+      {"-x"},
+      {"--model", model_, "--camera", "replay:"},
+      {"--model", model_, "--camera", "v4l2:/dev/video0"},
+      {"--model", model_, "--camera", "replay:walk", "--rotate", "45"},
+      {"--model", model_, "--camera", "replay:walk", "--publish", "mqtt:here"},
+      {"--model", model_, "--camera", "replay:walk", "more"},
+  };
+  for (const auto& arguments : wrong) ExpectOneLine(Viewfixd(arguments), 2, "see viewfixd --help");
+}
+
+TEST_F(ViewfixdTest, HelpAndVersion) {
+  const ProgramRun help = Viewfixd({"--help"});
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_THAT(help.out, HasSubstr("Example: viewfixd --model"));
+  const ProgramRun version = Viewfixd({"--version"});
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_THAT(version.out, StartsWith("viewfixd "));
+}
+
+TEST_F(ViewfixdTest, FailuresNameFileAndCause) {
+  const std::string camera = "replay:" + folder_ / "walk";
+  ExpectOneLine(Viewfixd({"--model", folder_ / "none.vfx", "--camera", camera}), 1,
+                "none.vfx: No such file");
+  ExpectOneLine(Viewfixd({"--model", folder_ / "walk/1.jpg", "--camera", camera}), 1, "walk/1.jpg");
+  ExpectOneLine(Viewfixd({"--model", folder_.path(), "--camera", camera}), 1, "Is a directory");
+  ExpectOneLine(Viewfixd({"--model", model_, "--camera", "replay:" + folder_ / "none"}), 1,
+                "no such folder");
+  folder_.Write("images.csv", "file\n1.jpg\n");
+  ExpectOneLine(Viewfixd({"--model", model_, "--camera", "replay:" + folder_.path()}), 1,
+                "images.csv");
+}
+
+TEST_F(ViewfixdTest, RefusesADamagedModel) {
+  std::vector<std::uint8_t> bytes = TinyModel();
+  bytes[bytes.size() / 2] ^= 1;
+  folder_.Write("site.vfx", bytes);
+  ExpectOneLine(Replay(), 1, "site.vfx");
+  bytes.resize(bytes.size() / 3);
+  folder_.Write("site.vfx", bytes);
+  ExpectOneLine(Replay(), 1, "site.vfx");
+}
+
+TEST_F(ViewfixdTest, RefusesFeaturesItCannotMake) {
+  ModelData data = TinyModelData();
+  ++data.features.version;
+  folder_.Write("site.vfx", *WriteModel(data));
+  ExpectOneLine(Replay(), 1, "site.vfx");
+}
+
+TEST_F(ViewfixdTest, AFullDiskIsAFailure) {
+  const std::string command = std::string(VIEWFIXD) + " --model " + model_ +
+                              " --camera replay:" + folder_ / "walk" + " > /dev/full";
+  const ProgramRun run = RunProgram({"/bin/sh", "-c", command});
+  ExpectOneLine(run, 1, "No space left on device");
+}
+
+// viewfixd with its stdout on a pipe, over a walk far longer than the pipe holds.
+class ViewfixdPipeTest : public ViewfixdTest {
+ protected:
+  void SetUp() override {
+    ViewfixdTest::SetUp();
+    std::string rows = "path\n";
+    for (int i = 0; i < 5000; ++i) rows += "0.jpg\n";
+    folder_.Write("walk/images.csv", rows);
+    int ends[2];
+    ASSERT_EQ(::pipe2(ends, O_CLOEXEC), 0);
+    reader_ = ends[0];
+    Spawn(ends[1]);
+    ::close(ends[1]);
+    char first = 0;
+    ASSERT_EQ(::read(reader_, &first, 1), 1);
+  }
+  void TearDown() override { CloseReader(); }
+
+  void Spawn(int out) {
+    posix_spawn_file_actions_t files;
+    posix_spawn_file_actions_init(&files);
+    posix_spawn_file_actions_adddup2(&files, out, STDOUT_FILENO);
+    posix_spawn_file_actions_addopen(&files, STDERR_FILENO, (folder_ / "err").c_str(),
+                                     O_WRONLY | O_CREAT, 0600);
+    std::vector<std::string> words = Arguments();
+    words.insert(words.begin(), VIEWFIXD);
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    arguments.push_back(nullptr);
+    ASSERT_EQ(posix_spawn(&pid_, VIEWFIXD, &files, nullptr, arguments.data(), environ), 0);
+    posix_spawn_file_actions_destroy(&files);
+  }
+  void CloseReader() {
+    if (reader_ >= 0) ::close(reader_);
+    reader_ = -1;
+  }
+  int Wait() const {
+    int status = 0;
+    waitpid(pid_, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+  std::string Errors() const {
+    std::ifstream file(folder_ / "err");
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+
+  int reader_ = -1;
+  pid_t pid_ = 0;
+};
+
+TEST_F(ViewfixdPipeTest, EndsQuietlyWhenNobodyReads) {
+  CloseReader();
+  EXPECT_EQ(Wait(), 0);
+  EXPECT_EQ(Errors(), "");
+}
+
+TEST_F(ViewfixdPipeTest, ASignalEndsItCleanly) {
+  ::kill(pid_, SIGTERM);
+  std::string text(1 << 16, ' ');
+  while (::read(reader_, text.data(), text.size()) > 0) {
+  }
+  EXPECT_EQ(Wait(), 0);
+  EXPECT_THAT(Errors(), HasSubstr("localized, 0 unreadable"));
+  EXPECT_THAT(Errors(), Not(HasSubstr("5000 frames")));
+}
+
+}  // namespace
+}  // namespace viewfix

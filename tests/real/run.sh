@@ -1,0 +1,75 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Trains and evaluates on real photographs and holds the figures against floors.
+#
+#   tests/real/run.sh [--words N]
+#
+# Looks for the image sets in $VIEWFIX_DATA, else ../shared/data; exits with 77
+# (skipped) where there are none. Needs build/host-release. Models, logs and
+# figures are left in build/real. --words: vocabulary for the IE Tower set
+# (default 8000, the chosen configuration).
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
+
+DATA=${VIEWFIX_DATA:-$ROOT/../shared/data}
+OUT=$ROOT/build/real
+VIEWFIX=$ROOT/build/host-release/bin/viewfix
+
+# train_and_eval SET NAME [TRAIN OPTIONS]: OUT/NAME.vfx and OUT/NAME.json.
+train_and_eval() {
+  local set=$DATA/$1 name=$2
+  shift 2
+  "$VIEWFIX" train "$set" --out "$OUT/$name.vfx" "$@"
+  "$VIEWFIX" eval "$set" --model "$OUT/$name.vfx" --json "$OUT/$name.json"
+}
+
+# at_least NAME JSON_PATH FLOOR: fails the script where a figure is lower.
+at_least() {
+  python3 - "$OUT/$1.json" "$2" "$3" <<'PY'
+import json, sys
+path, key, floor = sys.argv[1:]
+value = json.load(open(path))
+for part in key.split("."):
+    value = value[int(part)] if part.isdigit() and isinstance(value, list) else value[part]
+print(f"{key} = {value:.4f}, at least {floor} wanted")
+sys.exit(value < float(floor))
+PY
+}
+
+check_hololens() {
+  step "hololens: locations and views from poses; the same bytes twice"
+  train_and_eval hololens hololens
+  "$VIEWFIX" train "$DATA/hololens" --out "$OUT/hololens-again.vfx" --jobs 1 > "$OUT/again.log" 2>&1
+  cmp "$OUT/hololens.vfx" "$OUT/hololens-again.vfx"
+  at_least hololens retrieval.within_1m_30deg 0.95
+}
+
+check_ie_tower() {
+  step "ie_tower, $1 words"
+  train_and_eval ie_tower "ie_tower-$1" --words "$1"
+  if [[ $1 -eq 8000 ]]; then
+    at_least "ie_tower-$1" location.by_level.0 0.77
+    at_least "ie_tower-$1" location.accuracy 0.75
+  fi
+}
+
+main() {
+  local words=8000
+  while [[ $# -gt 0 ]]; do
+    case $1 in
+      -h | --help) print_help; return ;;
+      --words) words=${2:?}; shift ;;
+      *) usage_error "unknown argument '$1'" ;;
+    esac
+    shift
+  done
+  if [[ ! -d $DATA/hololens || ! -d $DATA/ie_tower ]]; then
+    echo "no real image sets"
+    exit 77
+  fi
+  mkdir -p "$OUT"
+  check_hololens
+  check_ie_tower "$words"
+}
+
+main "$@"

@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "tests/testing/tiny_model.h"
+
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+#include <utility>
+
+#include "engine/features/feature_extractor.h"
+
+namespace viewfix {
+namespace {
+
+constexpr int kWords = 32;
+constexpr int kPairs = 4;
+
+template <typename T>
+T OrEnd(Result<T> result) {
+  if (result.ok()) return std::move(*result);
+  std::fprintf(stderr, "tiny model: %s\n", result.status().text());
+  std::abort();
+}
+
+void FillFeatures(ModelFeatures& features) {
+  FeatureOptions options;
+  options.max_image_side = 320;
+  options.max_features = 200;
+  const auto extractor = OrEnd(CreateFeatureExtractor(options));
+  features.type = static_cast<std::uint8_t>(options.type);
+  features.version = extractor->version();
+  features.max_image_side = options.max_image_side;
+  features.max_features = options.max_features;
+  features.upright = options.upright;
+  features.threshold = options.threshold;
+  features.descriptor_dim = extractor->descriptor_dim();
+}
+
+void FillKeyframes(ModelData& data) {
+  for (int k = 0; k < 2 * kPairs; ++k) {
+    data.keyframe_pair.push_back(static_cast<std::uint16_t>(k / 2));
+    for (int word = k; word < kWords; word += 4) {
+      data.keyframe_words.push_back(static_cast<std::uint16_t>(word));
+      data.keyframe_counts.push_back(static_cast<std::uint8_t>(1 + (word + k) % 3));
+    }
+    data.keyframe_word_begin.push_back(static_cast<std::uint32_t>(data.keyframe_words.size()));
+    const bool has_pose = k % 2 == 0;
+    data.keyframe_has_pose.push_back(has_pose ? 1 : 0);
+    const float x = 0.1F * static_cast<float>(k);
+    data.keyframe_pose.push_back(has_pose ? std::array<float, 7>{x, -1.5F, 2, 0, 0.6F, 0, 0.8F}
+                                          : std::array<float, 7>{});
+  }
+}
+
+}  // namespace
+
+ModelData TinyModelData() {
+  ModelData data;
+  FillFeatures(data.features);
+  std::mt19937 random(1);
+  const auto byte = [&] { return static_cast<std::int8_t>(static_cast<int>(random() % 61) - 30); };
+  data.words.resize(std::size_t{kWords} * data.features.descriptor_dim);
+  for (std::int8_t& value : data.words) value = byte();
+  data.locations = {"floor1/caf\xC3\xA9", "floor1/lobby"};
+  data.views = {"left", "right"};
+  data.pair_location = {0, 0, 1, 1};
+  data.pair_view = {0, 1, 0, 1};
+  data.bias.assign(kPairs, 0.125F);
+  data.weight_scale.assign(kPairs, 1.0F / 64);
+  data.weights.resize(std::size_t{kWords} * kPairs);
+  for (std::int8_t& value : data.weights) value = byte();
+  data.confidence = {.offset = 0, .slope = 2, .threshold = 0};
+  FillKeyframes(data);
+  data.metric = true;
+  data.record = "{}";
+  return data;
+}
+
+std::vector<std::uint8_t> TinyModel() { return OrEnd(WriteModel(TinyModelData())); }
+
+}  // namespace viewfix

@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "models/model_writer.h"
+
+namespace viewfix {
+
+// A model that says something of any textured image and means nothing: random words and
+// weights, features of this build. Locations "floor1/caf\u00e9" and "floor1/lobby", each with
+// views "left" and "right"; eight keyframes, two a pair, the first of each with a pose. Its
+// confidence threshold is 0: an image with features is always localized.
+ModelData TinyModelData();
+
+// The same as a file's bytes; ends the test program if the writer refuses.
+std::vector<std::uint8_t> TinyModel();
+
+}  // namespace viewfix

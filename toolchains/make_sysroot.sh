@@ -1,0 +1,111 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Unpacks the headers and libraries of the ARM target to build against.
+#
+#   toolchains/make_sysroot.sh ARCH DEBIAN_ARCH        # aarch64 arm64
+#
+# Result: build/sysroots/ARCH, reused while the list of packages stays the same.
+# Needs no root and runs no foreign code. Packages come from where this
+# machine's own apt takes Debian's.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+readonly SUITE=bookworm
+
+# SOURCES_FILE:POSITION of each entry of apt's configuration that serves SUITE.
+# shellcheck disable=SC2016  # apt-get expands the $(FIELDS)
+debian_entries() {
+  apt-get indextargets --format '$(SOURCESENTRY)|$(RELEASE)|$(COMPONENT)|$(ORIGIN)' \
+    'Created-By: Packages' |
+    awk -F'|' -v suite="^$SUITE(-updates|-security)?\$" \
+      '$2 ~ suite && $3 == "main" && $4 == "Debian" && !seen[$1]++ { print $1 }'
+}
+
+# Copies apt's Debian entries, with their keys and options but without their
+# restriction to this machine's architecture, to DIR/debian.list and .sources.
+copy_debian_sources() {
+  local dir=$1 entry file position
+  debian_entries > "$dir/entries"
+  while read -r entry; do
+    file=${entry%:*}
+    position=${entry##*:}
+    if [[ $file == *.sources ]]; then
+      grep -v '^#' "$file" | awk -v RS= -v n="$position" 'NR == n' |
+        grep -viE '^(Architectures|Types):' | sed '1i Types: deb' >> "$dir/debian.sources"
+      echo >> "$dir/debian.sources"
+    else
+      sed -n "${position}p" "$file" | sed -E 's/(\[| )arch=[^] ]*/\1/' >> "$dir/debian.list"
+    fi
+  done < "$dir/entries"
+}
+
+# apt's own way out (proxy, retries, credentials) in apt.conf syntax.
+print_apt_options() {
+  local netrc netrcparts
+  eval "$(apt-config shell netrc Dir::Etc::netrc/f netrcparts Dir::Etc::netrcparts/d)"
+  apt-config dump | grep -E '^Acquire::' | grep -vE '^Acquire::(IndexTargets|Changelogs)'
+  echo "Dir::Etc::netrc \"$netrc\";"
+  echo "Dir::Etc::netrcparts \"$netrcparts\";"
+}
+
+# A sysroot may lie anywhere, so no link in it may start at "/".
+make_links_relative() {
+  local root=$1 link target
+  while IFS= read -r -d '' link; do
+    target=$(readlink "$link")
+    ln -sfn "$(realpath -ms --relative-to="$(dirname "$link")" "$root$target")" "$link"
+  done < <(find "$root" -type l -lname '/*' -print0)
+}
+
+recipe() {
+  echo "$SUITE $1"
+  packages_in sysroot
+}
+
+make_sysroot() {
+  local debian_arch=$1 dir=$2 work=$3 sources=()
+  copy_debian_sources "$work"
+  if [[ ! -s $work/entries ]]; then
+    as_root apt-get update -q
+    copy_debian_sources "$work"
+  fi
+  [[ -s $work/entries ]] || die "apt's sources name no Debian $SUITE main: add it to /etc/apt"
+  [[ ! -s $work/debian.list ]] || sources+=("$work/debian.list")
+  [[ ! -s $work/debian.sources ]] || sources+=("$work/debian.sources")
+  print_apt_options > "$work/apt.conf"
+  echo "Fetching the $debian_arch packages of Debian $SUITE."
+
+  # "extract" runs nothing out of the packages, so chrootless is safe for root too.
+  mmdebstrap --mode=chrootless --variant=extract --architectures="$debian_arch" \
+    --aptopt="$work/apt.conf" --include="$(packages_in sysroot | paste -sd,)" \
+    --format=tar "$SUITE" "$work/root.tar" "${sources[@]}" \
+    2> >(grep -v 'chrootless mode as root might damage' >&2) ||
+    die "mmdebstrap could not fetch the $debian_arch packages (see above)"
+  mkdir "$work/root"
+  tar -xf "$work/root.tar" -C "$work/root" --no-same-owner \
+    --exclude='./usr/share/doc' --exclude='./usr/share/man' ./lib ./usr
+  make_links_relative "$work/root"
+  recipe "$debian_arch" > "$work/root/recipe"
+  rm -rf "$dir"
+  mv "$work/root" "$dir"
+}
+
+main() {
+  if [[ ${1:-} == -h || ${1:-} == --help ]]; then
+    print_help
+    return
+  fi
+  [[ $# -eq 2 ]] || usage_error "expected ARCH DEBIAN_ARCH"
+  local dir="$ROOT/build/sysroots/$1"
+  if recipe "$2" | cmp -s - "$dir/recipe"; then
+    echo "Sysroot: $dir is up to date."
+    return
+  fi
+  mkdir -p "$ROOT/build/sysroots"
+  work=$(mktemp -d "$dir.XXXXXX")
+  trap 'rm -rf "$work"' EXIT
+  make_sysroot "$2" "$dir" "$work"
+  echo "Sysroot: $dir made ($(du -sh "$dir" | cut -f1))."
+}
+
+main "$@"
