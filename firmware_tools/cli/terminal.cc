@@ -28,7 +28,7 @@ class Bar {
   }
 
   void Show(int done, int total) {
-    if (g_interrupted != 0) throw ToolError("interrupted; nothing was written");
+    if (g_interrupted != 0) throw ToolError("interrupted; no result was written");
     const auto now = Clock::now();
     const bool last = done == total;
     const bool due = now - shown_ > std::chrono::milliseconds(100);

@@ -176,8 +176,8 @@ std::vector<Finding> CheckWalks(const ImageSet& set, const Samples& samples, int
 
 // What speaks against a sample's label.
 struct Suspicion {
-  int other = -1;             // the sample of another location that shows the same; -1: none
-  bool same_picture = false;  // so alike that either label may be the wrong one
+  int other = -1;           // the sample of another location that shows the same; -1: none
+  bool is_foreign = false;  // and the own location's do not: this label is the wrong one
 };
 
 // The nearest samples of the same and of other locations by histogram, nearest first.
@@ -209,12 +209,12 @@ Suspicion SuspicionOf(const Samples& samples, int s) {
   const float gram = samples.Gram(s, nearest.other);
   if (gram < kSamePictureGram && gram <= samples.Gram(s, nearest.own[0])) return {};
   const double share = samples.Share(s, nearest.other);
-  if (share >= kSamePictureShare) return {nearest.other, true};
-  if (share < kSameSceneShare) return {};
-  for (const int own : nearest.own) {
-    if (samples.Share(s, own) >= kForeignShare * share) return {};
-  }
-  return {nearest.other, false};
+  const bool is_foreign =
+      share >= kSameSceneShare && std::all_of(nearest.own.begin(), nearest.own.end(), [&](int own) {
+        return samples.Share(s, own) < kForeignShare * share;
+      });
+  if (!is_foreign && share < kSamePictureShare) return {};
+  return {nearest.other, is_foreign};
 }
 
 Finding WrongLabel(const Samples& samples, const std::vector<int>& suspects, int other) {
@@ -246,11 +246,11 @@ std::vector<Finding> CheckLabelled(const Samples& samples, int jobs, const Progr
   std::vector<Finding> findings;
   std::map<std::pair<int, int>, std::vector<int>> foreign;  // own and other location -> samples
   for (int s = 0; s < samples.size(); ++s) {
-    const auto [other, same_picture] = suspicions[s];
+    const auto [other, is_foreign] = suspicions[s];
     if (other < 0) continue;
-    if (!same_picture) {
+    if (is_foreign) {
       foreign[{samples.location(s), samples.location(other)}].push_back(s);
-    } else if (s < other || suspicions[other].other != s) {  // each pair once
+    } else if (s < other && suspicions[other].other == s && !suspicions[other].is_foreign) {
       findings.push_back(SamePicture(samples, s, other));
     }
   }

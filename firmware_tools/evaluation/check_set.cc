@@ -66,7 +66,7 @@ void CheckLocations(const ImageSet& set, const Counts& counts, std::vector<Findi
 }
 
 void CheckUnlabelled(const ImageSet& set, std::vector<Finding>& findings) {
-  Finding unlabelled{Severity::kWarning, "unlabelled", ""};
+  Finding unlabelled{Severity::kNote, "unlabelled", ""};
   bool any_location = false;
   bool any_pose = false;
   for (const ImageRecord& image : set.images) {
@@ -81,8 +81,7 @@ void CheckUnlabelled(const ImageSet& set, std::vector<Finding>& findings) {
                         "into folders <location>/<view>/, or add a location column"});
   } else if (!unlabelled.images.empty()) {
     unlabelled.text = Text(unlabelled.images.size(),
-                           " training images have no location and are "
-                           "left out (",
+                           " training images have no location: no place is learnt from them (",
                            FirstFew(unlabelled.images), ")");
     findings.push_back(std::move(unlabelled));
   }

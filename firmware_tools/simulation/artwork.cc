@@ -67,7 +67,8 @@ cv::Mat DrawPainting(Random& random) {
       cv::ellipse(part, in_part + cv::Point(side, -8), {8, 4}, 0, 0, 360, {40, 50, 60}, cv::FILLED,
                   cv::LINE_AA);
     }
-    cv::ellipse(part, in_part + cv::Point(0, 32), {16, 5}, 0, 0, 180, {70, 70, 160}, 3, cv::LINE_AA);
+    cv::ellipse(part, in_part + cv::Point(0, 32), {16, 5}, 0, 0, 180, {70, 70, 160}, 3,
+                cv::LINE_AA);
   }
   return image;
 }
@@ -82,7 +83,8 @@ cv::Mat DrawBooks(Random& random) {
     cv::Mat spine(width, height, CV_8UC3, colour);  // lying, so that its title can be written
     for (int band = random.Below(4); band > 0; --band) {
       const int at = random.Below(height);
-      cv::line(spine, {at, 0}, {at, width}, RandomColour(random, 0, 255, 60, 255), 1 + random.Below(5));
+      cv::line(spine, {at, 0}, {at, width}, RandomColour(random, 0, 255, 60, 255),
+               1 + random.Below(5));
     }
     Write(spine, RandomPhrase(random, 1 + random.Below(2)), {height / 8, width * 7 / 10},
           width * 0.42, ink, height * 3 / 4);
@@ -103,11 +105,14 @@ cv::Mat DrawBottles(Random& random) {
     const cv::Scalar colour = RandomColour(random, 60, 230, 50, 220);
     const int neck = random.Chance(0.6) ? height / 3 : 0;
     cv::rectangle(image, {x, 200 - height + neck, width, height - neck}, colour, cv::FILLED);
-    cv::rectangle(image, {x + width / 3, 200 - height, width / 3, neck + 4}, Shade(colour, 0.8), cv::FILLED);
-    cv::line(image, {x + width / 5, 200 - height + neck}, {x + width / 5, 198}, Shade(colour, 1.6), 3);
+    cv::rectangle(image, {x + width / 3, 200 - height, width / 3, neck + 4}, Shade(colour, 0.8),
+                  cv::FILLED);
+    cv::line(image, {x + width / 5, 200 - height + neck}, {x + width / 5, 198}, Shade(colour, 1.6),
+             3);
     const cv::Rect label(x + 2, 200 - (height - neck) * 3 / 4, width - 4, (height - neck) / 2);
     cv::rectangle(image, label, RandomColour(random, 0, 120, 180, 255), cv::FILLED);
-    Write(image, RandomWord(random), {label.x + 2, label.y + label.height * 2 / 3}, 8, kInk, label.width - 4);
+    Write(image, RandomWord(random), {label.x + 2, label.y + label.height * 2 / 3}, 8, kInk,
+          label.width - 4);
     x += width + 2 + random.Below(14);
   }
   return image;
@@ -160,15 +165,16 @@ cv::Mat DrawNoticeBoard(Random& random) {
     const cv::Point at(24 + i % 5 * 138 + random.Below(20), 20 + i / 5 * 152 + random.Below(16));
     const cv::Rect paper = cv::Rect(at, size) & cv::Rect(0, 0, 720, 480);
     cv::rectangle(image, paper, RandomColour(random, 0, 90, 215, 255), cv::FILLED);
-    Write(image, RandomWord(random), {paper.x + 6, paper.y + 20}, 13, RandomColour(random, 150, 255, 40, 160),
-          paper.width - 12, true);
+    Write(image, RandomWord(random), {paper.x + 6, paper.y + 20}, 13,
+          RandomColour(random, 150, 255, 40, 160), paper.width - 12, true);
     if (random.Chance(0.4)) {
       PaintScenery(image, random, {paper.x + 6, paper.y + 26, paper.width - 12, paper.height / 2});
     } else {
-      WriteParagraph(image, random, {paper.x + 6, paper.y + 22, paper.width - 12, paper.height - 28}, 6, kInk);
+      WriteParagraph(image, random,
+                     {paper.x + 6, paper.y + 22, paper.width - 12, paper.height - 28}, 6, kInk);
     }
-    cv::circle(image, {paper.x + paper.width / 2, paper.y + 5}, 5, RandomColour(random, 200, 255, 150, 255),
-               cv::FILLED, cv::LINE_AA);
+    cv::circle(image, {paper.x + paper.width / 2, paper.y + 5}, 5,
+               RandomColour(random, 200, 255, 150, 255), cv::FILLED, cv::LINE_AA);
   }
   cv::rectangle(image, {0, 0, 720, 480}, {60, 80, 100}, 14);
   return image;
@@ -208,7 +214,8 @@ cv::Mat DrawDoor(Random& random, const std::string& number) {
   cv::resize(DrawWood(random, {70, 105, 150}, 1), image, image.size());
   for (const cv::Rect& panel : {cv::Rect(36, 290, 184, 180), cv::Rect(36, 60, 184, 200)}) {
     cv::rectangle(image, panel, {40, 62, 92}, 5);
-    cv::rectangle(image, {panel.x + 9, panel.y + 9, panel.width - 18, panel.height - 18}, {105, 145, 190}, 2);
+    cv::rectangle(image, {panel.x + 9, panel.y + 9, panel.width - 18, panel.height - 18},
+                  {105, 145, 190}, 2);
   }
   VerticalGradient(image, {92, 84, 72, 150}, {210, 200, 180}, {150, 140, 120});  // its pane
   cv::rectangle(image, {92, 84, 72, 150}, {50, 60, 70}, 4);
@@ -229,7 +236,8 @@ cv::Mat DrawWindow(Random& random) {
     cv::rectangle(image, {x, 440 - height, width, height}, wall, cv::FILLED);
     for (int wy = 452 - height; wy < 420; wy += 28) {
       for (int wx = x + 8; wx < x + width - 14; wx += 24) {
-        cv::rectangle(image, {wx, wy, 13, 17}, Shade(wall, random.Chance(0.3) ? 1.3 : 0.5), cv::FILLED);
+        cv::rectangle(image, {wx, wy, 13, 17}, Shade(wall, random.Chance(0.3) ? 1.3 : 0.5),
+                      cv::FILLED);
       }
     }
     x += width + random.Below(12);
@@ -239,8 +247,10 @@ cv::Mat DrawWindow(Random& random) {
     const cv::Point tree(random.Below(640), 420);
     cv::line(image, tree, {tree.x, 460}, {40, 60, 80}, 9);
     for (int leaf = 0; leaf < 60; ++leaf) {
-      cv::circle(image, {tree.x + cvRound(random.Normal(26)), tree.y - 40 + cvRound(random.Normal(30))},
-                 4 + random.Below(9), {50 + random.Uniform(0, 50), 110 + random.Uniform(0, 80), 50}, cv::FILLED, cv::LINE_AA);
+      cv::circle(image,
+                 {tree.x + cvRound(random.Normal(26)), tree.y - 40 + cvRound(random.Normal(30))},
+                 4 + random.Below(9), {50 + random.Uniform(0, 50), 110 + random.Uniform(0, 80), 50},
+                 cv::FILLED, cv::LINE_AA);
     }
   }
   const cv::Scalar frame(72, 78, 84);
@@ -294,26 +304,32 @@ cv::Mat DrawExtinguisher() {
 }
 
 cv::Mat DrawFossil(Random& random) {
-  const cv::Scalar bone(150 + random.Uniform(0, 50), 185 + random.Uniform(0, 40), 205 + random.Uniform(0, 40));
+  const cv::Scalar bone(150 + random.Uniform(0, 50), 185 + random.Uniform(0, 40),
+                        205 + random.Uniform(0, 40));
   cv::Mat image = Transparent({384, 384}, bone);
   const double turns = random.Uniform(2.2, 4.0), start = random.Uniform(0, 6.28);
   for (int i = 0; i < 260; ++i) {  // an ammonite
     const double part = i / 260.0, angle = start + turns * 6.2832 * part, radius = 20 + 130 * part;
-    const cv::Point at(cvRound(192 + radius * std::cos(angle)), cvRound(192 + radius * std::sin(angle)));
-    cv::circle(image, at, cvRound(8 + 26 * part), Opaque(Shade(bone, i % 13 < 3 ? 0.5 : 0.75 + 0.3 * part)),
-               cv::FILLED, cv::LINE_8);
+    const cv::Point at(cvRound(192 + radius * std::cos(angle)),
+                       cvRound(192 + radius * std::sin(angle)));
+    cv::circle(image, at, cvRound(8 + 26 * part),
+               Opaque(Shade(bone, i % 13 < 3 ? 0.5 : 0.75 + 0.3 * part)), cv::FILLED, cv::LINE_8);
   }
   return image;
 }
 
 cv::Mat DrawPerson(Random& random) {
-  const cv::Scalar shirt = RandomColour(random, 60, 230, 50, 230), trousers = RandomColour(random, 20, 140, 30, 130);
-  const cv::Scalar skin = Shade({140, 175, 225}, random.Uniform(0.45, 1.05)), hair = RandomColour(random, 30, 140, 20, 110);
+  const cv::Scalar shirt = RandomColour(random, 60, 230, 50, 230),
+                   trousers = RandomColour(random, 20, 140, 30, 130);
+  const cv::Scalar skin = Shade({140, 175, 225}, random.Uniform(0.45, 1.05)),
+                   hair = RandomColour(random, 30, 140, 20, 110);
   cv::Mat image = Transparent({200, 512}, shirt);
   const int stride = 10 + random.Below(28);
   for (const int side : {-1, 1}) {
-    cv::line(image, {100 + side * 16, 290}, {100 + side * stride, 480}, Opaque(Shade(trousers, side < 0 ? 0.8 : 1)), 34);
-    cv::ellipse(image, {100 + side * stride + 6, 496}, {24, 12}, 0, 0, 360, Opaque(hair), cv::FILLED);
+    cv::line(image, {100 + side * 16, 290}, {100 + side * stride, 480},
+             Opaque(Shade(trousers, side < 0 ? 0.8 : 1)), 34);
+    cv::ellipse(image, {100 + side * stride + 6, 496}, {24, 12}, 0, 0, 360, Opaque(hair),
+                cv::FILLED);
     const cv::Point hand(100 + side * (52 + random.Below(20)), 270 + random.Below(20));
     cv::line(image, {100 + side * 44, 120}, hand, Opaque(Shade(shirt, 0.85)), 24);
     cv::circle(image, hand, 13, Opaque(skin), cv::FILLED);
@@ -325,9 +341,11 @@ cv::Mat DrawPerson(Random& random) {
     cv::line(image, {56, y}, {144, y}, Opaque(Shade(shirt, 0.55)), 6);
   }
   for (int i = 0; style == 1 && i < 24; ++i) {
-    cv::circle(image, {62 + random.Below(76), 116 + random.Below(170)}, 6, Opaque(Shade(shirt, 1.5)), cv::FILLED);
+    cv::circle(image, {62 + random.Below(76), 116 + random.Below(170)}, 6,
+               Opaque(Shade(shirt, 1.5)), cv::FILLED);
   }
-  if (style == 2) Write(image, RandomWord(random), {62, 190}, 20, Opaque(Shade(shirt, 0.4)), 76, true);
+  if (style == 2)
+    Write(image, RandomWord(random), {62, 190}, 20, Opaque(Shade(shirt, 0.4)), 76, true);
   cv::rectangle(image, {88, 76, 24, 26}, Opaque(Shade(skin, 0.85)), cv::FILLED);
   cv::ellipse(image, {100, 44}, {34, 40}, 0, 0, 360, Opaque(hair), cv::FILLED);
   if (random.Chance(0.55)) {
@@ -335,7 +353,8 @@ cv::Mat DrawPerson(Random& random) {
     for (const int x : {90, 110}) cv::circle(image, {x, 50}, 4, Opaque(kInk), cv::FILLED);
     cv::line(image, {92, 72}, {108, 72}, Opaque({80, 80, 150}), 3);
   } else {  // seen from behind, with a bag
-    cv::rectangle(image, {66, 128, 68, 96}, Opaque(RandomColour(random, 80, 220, 40, 160)), cv::FILLED);
+    cv::rectangle(image, {66, 128, 68, 96}, Opaque(RandomColour(random, 80, 220, 40, 160)),
+                  cv::FILLED);
   }
   return image;
 }
@@ -344,14 +363,18 @@ cv::Mat DrawPlant(Random& random) {
   cv::Mat image = Transparent({256, 384}, {50, 110, 60});
   for (int i = 0; i < 70; ++i) {
     const double angle = random.Uniform(-1.25, 1.25), length = random.Uniform(60, 230);
-    const cv::Point tip(cvRound(128 + length * 0.6 * std::sin(angle)), cvRound(270 - length * std::cos(angle)));
-    const cv::Scalar green(30 + random.Uniform(0, 50), 80 + random.Uniform(0, 110), 30 + random.Uniform(0, 60), 255);
+    const cv::Point tip(cvRound(128 + length * 0.6 * std::sin(angle)),
+                        cvRound(270 - length * std::cos(angle)));
+    const cv::Scalar green(30 + random.Uniform(0, 50), 80 + random.Uniform(0, 110),
+                           30 + random.Uniform(0, 60), 255);
     cv::line(image, {128, 290}, tip, Opaque(Shade(green, 0.6)), 3);
-    cv::ellipse(image, tip, {8 + random.Below(10), 20 + random.Below(18)}, angle * 57.3, 0, 360, green, cv::FILLED);
+    cv::ellipse(image, tip, {8 + random.Below(10), 20 + random.Below(18)}, angle * 57.3, 0, 360,
+                green, cv::FILLED);
   }
   const std::vector<cv::Point> pot{{78, 280}, {178, 280}, {162, 382}, {94, 382}};
   cv::fillConvexPoly(image, pot, Opaque(RandomColour(random, 60, 180, 70, 200)));
-  cv::rectangle(image, {72, 274, 112, 20}, Opaque(RandomColour(random, 60, 180, 90, 200)), cv::FILLED);
+  cv::rectangle(image, {72, 274, 112, 20}, Opaque(RandomColour(random, 60, 180, 90, 200)),
+                cv::FILLED);
   return image;
 }
 
@@ -362,9 +385,11 @@ cv::Mat DrawMannequin(Random& random) {
   cv::ellipse(image, {96, 532}, {50, 10}, 0, 0, 360, Opaque({60, 60, 60}), cv::FILLED);
   cv::ellipse(image, {96, 46}, {28, 40}, 0, 0, 360, Opaque(body), cv::FILLED);
   cv::rectangle(image, {86, 80, 20, 30}, Opaque(Shade(body, 0.85)), cv::FILLED);
-  for (const int side : {-1, 1}) cv::line(image, {96 + side * 42, 122}, {96 + side * 54, 260}, Opaque(body), 18);
+  for (const int side : {-1, 1})
+    cv::line(image, {96 + side * 42, 122}, {96 + side * 54, 260}, Opaque(body), 18);
   const int flare = 46 + random.Below(44), hem = 330 + random.Below(120);
-  const std::vector<cv::Point> gown{{50, 106}, {142, 106}, {130, 210}, {96 + flare, hem}, {96 - flare, hem}, {62, 210}};
+  const std::vector<cv::Point> gown{{50, 106},         {142, 106},        {130, 210},
+                                    {96 + flare, hem}, {96 - flare, hem}, {62, 210}};
   cv::fillPoly(image, std::vector{gown}, Opaque(dress));
   cv::Mat pattern = image.clone();
   for (int i = 0; i < 90; ++i) {
@@ -375,7 +400,8 @@ cv::Mat DrawMannequin(Random& random) {
   cv::fillPoly(gown_mask, std::vector{gown}, 255);
   pattern.copyTo(image, gown_mask);
   cv::line(image, {62, 212}, {130, 212}, Opaque(RandomColour(random, 100, 255, 20, 120)), 10);
-  if (random.Chance(0.6)) cv::ellipse(image, {96, 22}, {52, 12}, 0, 0, 360, Opaque(Shade(dress, 0.6)), cv::FILLED);
+  if (random.Chance(0.6))
+    cv::ellipse(image, {96, 22}, {52, 12}, 0, 0, 360, Opaque(Shade(dress, 0.6)), cv::FILLED);
   return image;
 }
 

@@ -38,7 +38,8 @@ cv::Mat MotionKernel(float length, float angle) {
 float ToneCurve(float linear) {
   static const auto kTable = [] {
     std::array<float, 4097> table{};
-    for (int i = 0; i <= 4096; ++i) table[i] = 255 * std::pow(static_cast<float>(i) / 4096, 1 / 2.2f);
+    for (int i = 0; i <= 4096; ++i)
+      table[i] = 255 * std::pow(static_cast<float>(i) / 4096, 1 / 2.2f);
     return table;
   }();
   return kTable[static_cast<int>(std::min(std::max(linear, 0.0f), 1.0f) * 4096)];
@@ -69,12 +70,11 @@ Exposure DrawExposure(Random& random, bool is_test) {
   return e;
 }
 
-std::vector<std::uint8_t> Develop(const cv::Mat& linear, const Exposure& exposure,
-                                  Random& random) {
+std::vector<std::uint8_t> Develop(const cv::Mat& linear, const Exposure& exposure, Random& random) {
   cv::Mat light = linear;
   if (exposure.blur_length > 0) {
-    cv::filter2D(linear, light, -1, MotionKernel(exposure.blur_length, exposure.blur_angle), {-1, -1},
-                 0, cv::BORDER_REFLECT);
+    cv::filter2D(linear, light, -1, MotionKernel(exposure.blur_length, exposure.blur_angle),
+                 {-1, -1}, 0, cv::BORDER_REFLECT);
   }
   const cv::Vec3f factors = exposure.white_balance * exposure.gain;
   const float cx = static_cast<float>(light.cols - 1) / 2;

@@ -37,8 +37,8 @@ cv::Mat Noise(Random& random, cv::Size size, int cell, int octaves, double fallo
     cv::copyMakeBorder(cells, wrapped, 2, 2, 2, 2, cv::BORDER_WRAP);
     const double sx = static_cast<double>(size.width) / columns;
     const double sy = static_cast<double>(size.height) / rows;
-    cv::resize(wrapped, enlarged,
-               {cvRound(sx * (columns + 4)), cvRound(sy * (rows + 4))}, 0, 0, cv::INTER_CUBIC);
+    cv::resize(wrapped, enlarged, {cvRound(sx * (columns + 4)), cvRound(sy * (rows + 4))}, 0, 0,
+               cv::INTER_CUBIC);
     sum += enlarged(cv::Rect(cvRound(2 * sx), cvRound(2 * sy), size.width, size.height));
   }
   return sum;
@@ -73,8 +73,9 @@ void Write(cv::Mat& image, const std::string& text, cv::Point origin, double hei
 }
 
 std::string RandomWord(Random& random) {
-  static constexpr std::array kSyllables{"ka", "lo", "mi", "ser", "tan", "vo", "ri", "pel", "dun",
-                                         "ge", "zor", "hal", "qui", "bea", "fu", "nix", "war", "sty"};
+  static constexpr std::array kSyllables{"ka",  "lo",  "mi",  "ser", "tan", "vo",
+                                         "ri",  "pel", "dun", "ge",  "zor", "hal",
+                                         "qui", "bea", "fu",  "nix", "war", "sty"};
   std::string word;
   for (int i = 1 + random.Below(3); i >= 0; --i) {
     word += kSyllables[random.Below(static_cast<int>(kSyllables.size()))];
@@ -108,8 +109,8 @@ void PaintScenery(cv::Mat& image, Random& random, cv::Rect area) {
   for (int i = 2 + random.Below(4); i > 0; --i) {
     const cv::Point at(random.Below(area.width), random.Below(area.height));
     cv::circle(canvas, at, cvRound(side * random.Uniform(0.05, 0.25)),
-               RandomColour(random, 80, 255, 80, 255), random.Chance(0.3) ? side / 30 + 1 : cv::FILLED,
-               cv::LINE_AA);
+               RandomColour(random, 80, 255, 80, 255),
+               random.Chance(0.3) ? side / 30 + 1 : cv::FILLED, cv::LINE_AA);
   }
   for (int hill = 2 + random.Below(3); hill > 0; --hill) {
     std::vector<cv::Point> outline{{0, area.height}};
@@ -123,10 +124,11 @@ void PaintScenery(cv::Mat& image, Random& random, cv::Rect area) {
   }
   for (int i = 15 + random.Below(50); i > 0; --i) {
     const cv::Point at(random.Below(area.width), random.Below(area.height));
-    cv::ellipse(canvas, at,
-                {cvRound(side * random.Uniform(0.01, 0.08)), cvRound(side * random.Uniform(0.005, 0.02))},
-                random.Uniform(0, 180), 0, 360, RandomColour(random, 50, 255, 30, 255), cv::FILLED,
-                cv::LINE_AA);
+    cv::ellipse(
+        canvas, at,
+        {cvRound(side * random.Uniform(0.01, 0.08)), cvRound(side * random.Uniform(0.005, 0.02))},
+        random.Uniform(0, 180), 0, 360, RandomColour(random, 50, 255, 30, 255), cv::FILLED,
+        cv::LINE_AA);
   }
   AddNoise(canvas, Noise(random, canvas.size(), std::max(2, side / 12), 4, 0.7), 18);
 }

@@ -16,7 +16,8 @@ cv::Scalar Shade(const cv::Scalar& colour, double factor);
 
 // Value noise in -1..1 (CV_32F) that repeats; cells of `cell` pixels and finer, each octave
 // weaker by `falloff`. `stretch` > 1 draws it out downwards, as wood grain.
-cv::Mat Noise(Random& random, cv::Size size, int cell, int octaves, double falloff, int stretch = 1);
+cv::Mat Noise(Random& random, cv::Size size, int cell, int octaves, double falloff,
+              int stretch = 1);
 
 // image += amount * noise, clipped.
 void AddNoise(cv::Mat& image, const cv::Mat& noise, double amount);

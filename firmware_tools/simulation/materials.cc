@@ -110,7 +110,8 @@ cv::Mat DrawCeiling(Random& random) {
 cv::Mat DrawCarpet(Random& random, cv::Scalar colour) {
   cv::Mat image(512, 512, CV_8UC3, colour);
   for (int i = 0; i < 64; ++i) {
-    const cv::Rect tuft(random.Below(480), random.Below(480), 6 + random.Below(26), 6 + random.Below(26));
+    const cv::Rect tuft(random.Below(480), random.Below(480), 6 + random.Below(26),
+                        6 + random.Below(26));
     cv::rectangle(image, tuft, Shade(colour, random.Uniform(0.75, 1.25)), cv::FILLED);
   }
   AddNoise(image, Noise(random, image.size(), 16, 4, 0.9), 9);

@@ -191,7 +191,7 @@ void AddWalk(const std::vector<Room>& rooms, int locations, const SimulateOption
     shot.room = room_idx;
     shot.stand = Between(waypoints[leg], waypoints[leg + 1], position - static_cast<double>(leg));
     shot.record.path = Numbered("walk", i + 1);
-    shot.record.capture = "walk";
+    shot.record.capture = "walk/" + room.name;
     shot.stream = shot.record.path;
     shots.push_back(std::move(shot));
   }
@@ -204,9 +204,9 @@ void AddDistractors(const Room& room, int room_idx, int count, const SimulateOpt
     const Approach& approach = room.approaches[i % 3];
     Shot shot;
     shot.room = room_idx;
-    shot.stand = FreeStand(
-        room, approach,
-        random.Uniform(double{approach.nearest}, double{approach.farthest}), random);
+    shot.stand =
+        FreeStand(room, approach,
+                  random.Uniform(double{approach.nearest}, double{approach.farthest}), random);
     shot.record.path = Numbered(room.name, i + 1);
     shot.record.capture = room.name;
     shot.record.is_test = true;
@@ -245,7 +245,8 @@ std::vector<Quad> DrawVisitors(const Building& building, const Room& room, const
 void WriteImage(const std::filesystem::path& file, const std::vector<std::uint8_t>& bytes) {
   std::filesystem::create_directories(file.parent_path());
   std::ofstream stream(file, std::ios::binary);
-  stream.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
+  stream.write(reinterpret_cast<const char*>(bytes.data()),
+               static_cast<std::streamsize>(bytes.size()));
   stream.close();
   if (!stream) throw ToolError(file.string() + ": cannot write: " + std::strerror(errno));
 }
@@ -298,7 +299,8 @@ void SaveSet(const Museum& museum, const std::filesystem::path& folder,
 }
 
 void MakeFolder(const std::filesystem::path& folder) {
-  const auto parent = std::filesystem::absolute(folder).parent_path();
+  auto parent = std::filesystem::absolute(folder).parent_path();
+  if (!folder.has_filename()) parent = parent.parent_path();  // "museum/"
   if (!std::filesystem::is_directory(parent)) {
     throw ToolError(folder.string() + ": cannot write: the folder " + parent.string() +
                     " does not exist");

@@ -32,7 +32,9 @@ class Random {
     return low + (high - low) * static_cast<double>(Next() >> 11) * 0x1.0p-53;
   }
   // 0 .. n-1, n >= 1.
-  int Below(int n) { return static_cast<int>((Next() >> 32) * static_cast<std::uint64_t>(n) >> 32); }
+  int Below(int n) {
+    return static_cast<int>((Next() >> 32) * static_cast<std::uint64_t>(n) >> 32);
+  }
   bool Chance(double probability) { return Uniform(0, 1) < probability; }
   double Normal(double sigma) {
     const double u = Uniform(1e-12, 1), v = Uniform(0, 2 * std::numbers::pi);

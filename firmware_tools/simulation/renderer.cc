@@ -12,11 +12,11 @@
 namespace viewfix::simulation {
 namespace {
 
-constexpr int kPacketSide = 8;                      // pixels
-constexpr int kRaysPerSide = 2 * kPacketSide;       // 2x2 rays a pixel
+constexpr int kPacketSide = 8;                 // pixels
+constexpr int kRaysPerSide = 2 * kPacketSide;  // 2x2 rays a pixel
 constexpr int kRays = kRaysPerSide * kRaysPerSide;
-constexpr int kBlockSide = 64;                      // pixels, first step of culling
-constexpr float kNear = 0.02f;                      // metres
+constexpr int kBlockSide = 64;  // pixels, first step of culling
+constexpr float kNear = 0.02f;  // metres
 constexpr float kFar = std::numeric_limits<float>::max();
 
 // Inverts x_d = x (1 + k1 r^2 + k2 r^4) by fixed-point iteration.
@@ -141,8 +141,7 @@ void Intersect(const Prepared& q, int quad_idx, Packet& packet) {
     const Floats u = u0 + t * (ux * dx + uy * dy + uz * dz);
     const Floats v = v0 + t * (vx * dx + vy * dy + vz * dz);
     const Floats old_t = Load<Floats>(packet.t + i);
-    const Ints hit =
-        (t > kNear) & (t < old_t) & (u >= 0.f) & (u <= 1.f) & (v >= 0.f) & (v <= 1.f);
+    const Ints hit = (t > kNear) & (t < old_t) & (u >= 0.f) & (u <= 1.f) & (v >= 0.f) & (v <= 1.f);
     Store(hit ? t : old_t, packet.t + i);
     Store(hit ? u : Load<Floats>(packet.u + i), packet.u + i);
     Store(hit ? v : Load<Floats>(packet.v + i), packet.v + i);
@@ -226,9 +225,9 @@ void Renderer::RenderPacket(const std::vector<Prepared>& quads, std::span<const 
     const int level = MipLevel(q, d, packet.t[i], pixel_angle_, kDither[row & 1][column & 1]);
     const std::uint32_t texel = q.quad->texture->Sample(packet.u[i] * q.quad->repeat_u,
                                                         packet.v[i] * q.quad->repeat_v, level);
-    const float light = q.quad->glow + (q.light_map ? LightOn(*q.light_map, packet.u[i],
-                                                              packet.v[i], illumination)
-                                                    : illumination.skylight + 0.3f * illumination.lamps);
+    const float light =
+        q.quad->glow + (q.light_map ? LightOn(*q.light_map, packet.u[i], packet.v[i], illumination)
+                                    : illumination.skylight + 0.3f * illumination.lamps);
     auto& pixel = image.at<cv::Vec3f>(at.y + row / 2, at.x + column / 2);
     for (int c = 0; c < 3; ++c) {
       pixel[c] += 0.25f * light * q.quad->tint[c] * linear_from_byte[texel >> (8 * c) & 255];

@@ -42,7 +42,7 @@ class Renderer {
                     cv::Point at, cv::Mat& image) const;
 
   int width_, height_;
-  float pixel_angle_;          // radians a pixel at the image centre
+  float pixel_angle_;                 // radians a pixel at the image centre
   std::vector<float> ray_x_, ray_y_;  // of each ray (x, y, 1) in the camera, packet after packet
   std::vector<Eigen::Vector2f> corner_rays_;  // through corners of 8x8 pixels, row by row
 };

@@ -122,7 +122,9 @@ void RoomBuilder::Cylinder(Vector3f centre_bottom, float radius, float height, T
     room_.scene.Add(quad);
   }
   if (!cap) return;
-  Quad top{centre_bottom + Vector3f(-radius, radius, height), {2 * radius, 0, 0}, {0, -2 * radius, 0},
+  Quad top{centre_bottom + Vector3f(-radius, radius, height),
+           {2 * radius, 0, 0},
+           {0, -2 * radius, 0},
            std::move(cap)};
   top.casts_shadow = radius > 0.12f;
   room_.scene.Add(top);
@@ -141,15 +143,16 @@ void RoomBuilder::CutOut(Vector3f centre_bottom, float width, float height, Text
 }
 
 void RoomBuilder::FloorPatch(float x, float y, float width, float depth, TexturePtr texture) {
-  room_.scene.Add({{x - width / 2, y + depth / 2, 0.012f}, {width, 0, 0}, {0, -depth, 0}, std::move(texture)});
+  room_.scene.Add(
+      {{x - width / 2, y + depth / 2, 0.012f}, {width, 0, 0}, {0, -depth, 0}, std::move(texture)});
 }
 
 void RoomBuilder::Table(float x, float y, float width, float depth, float height) {
   Box({x, y, height - 0.05f}, {width, depth, 0.05f}, building.wood);
   for (const float sx : {-1.f, 1.f}) {
     for (const float sy : {-1.f, 1.f}) {
-      Box({x + sx * (width / 2 - 0.06f), y + sy * (depth / 2 - 0.06f), 0}, {0.05f, 0.05f, height - 0.05f},
-          building.dark_wood);
+      Box({x + sx * (width / 2 - 0.06f), y + sy * (depth / 2 - 0.06f), 0},
+          {0.05f, 0.05f, height - 0.05f}, building.dark_wood);
     }
   }
 }
@@ -191,7 +194,8 @@ void RoomBuilder::Rope(float x0, float y0, float x1, float y1) {
   for (int i = 0; i < kPieces; ++i) {
     const float part = (static_cast<float>(i) + 0.5f) / kPieces;
     const float sag = 0.3f * 4 * part * (1 - part);
-    Box(a + part * (b - a) + (0.86f - sag) * kUp, {length * 1.02f, 0.035f, 0.05f}, building.rug, nullptr, yaw);
+    Box(a + part * (b - a) + (0.86f - sag) * kUp, {length * 1.02f, 0.035f, 0.05f}, building.rug,
+        nullptr, yaw);
   }
 }
 
@@ -203,11 +207,11 @@ void RoomBuilder::Plinth(float x, float y, float height) {
 
 void RoomBuilder::Vase(Vector3f base, float scale) {
   static constexpr float kProfile[] = {0.6f, 0.9f, 1.0f, 0.85f, 0.5f, 0.35f, 0.55f};
-  const TexturePtr glaze = Bake(DrawWallpaper(random, {random.Uniform(30, 220), random.Uniform(30, 200),
-                                                       random.Uniform(30, 220)}));
+  const TexturePtr glaze = Bake(DrawWallpaper(
+      random, {random.Uniform(30, 220), random.Uniform(30, 200), random.Uniform(30, 220)}));
   for (int i = 0; i < 7; ++i) {
-    Cylinder(base + 0.09f * scale * static_cast<float>(i) * kUp, 0.18f * scale * kProfile[i], 0.09f * scale, glaze,
-             building.disc_dark, 10);
+    Cylinder(base + 0.09f * scale * static_cast<float>(i) * kUp, 0.18f * scale * kProfile[i],
+             0.09f * scale, glaze, building.disc_dark, 10);
   }
 }
 
@@ -224,7 +228,8 @@ void RoomBuilder::Shelf(Wall wall, float centre, float width, int boards, float 
   const float height = static_cast<float>(boards) * board_height;
   const Vector3f out = kDepth * frame.normal;
   for (int i = 0; i <= boards; ++i) {
-    const Vector3f corner = OnWall(wall, centre - width / 2, bottom + static_cast<float>(i) * board_height, 0);
+    const Vector3f corner =
+        OnWall(wall, centre - width / 2, bottom + static_cast<float>(i) * board_height, 0);
     room_.scene.Add(Tiled(corner + 0.03f * kUp + out, right, -0.03f * kUp, building.wood, 1, 1));
     room_.scene.Add(Tiled(corner + 0.03f * kUp, right, out, building.wood, 1, 1));
     room_.scene.Add(Tiled(corner + out, right, -out, building.wood, 1, 1));
@@ -232,8 +237,9 @@ void RoomBuilder::Shelf(Wall wall, float centre, float width, int boards, float 
     const int parts = std::max(1, static_cast<int>(std::round(width / 1.2f)));
     for (int part = 0; part < parts; ++part) {
       const Vector3f piece = right / static_cast<float>(parts);
-      room_.scene.Add({corner + static_cast<float>(part) * piece + (board_height * 0.92f) * kUp + 0.75f * out, piece,
-                       -(board_height * 0.92f - 0.03f) * kUp, Bake(draw(random))});
+      room_.scene.Add(
+          {corner + static_cast<float>(part) * piece + (board_height * 0.92f) * kUp + 0.75f * out,
+           piece, -(board_height * 0.92f - 0.03f) * kUp, Bake(draw(random))});
     }
   }
   for (const float side : {-0.5f, 0.5f}) {
@@ -248,15 +254,18 @@ void RoomBuilder::SharedArchitecture(int doors) {
   const Wall sides[] = {Wall::kLeft, Wall::kRight, Wall::kFront};
   for (int i = 0; i < doors; ++i) {
     const Wall wall = sides[i % 3];
-    const float along = wall == Wall::kLeft ? 0.16f * d : wall == Wall::kRight ? 0.84f * d : room_.width / 2;
-    Hang(wall, along, 0, 0.98f, 2.1f, building.doors[random.Below(static_cast<int>(building.doors.size()))]);
+    const float along = wall == Wall::kLeft    ? 0.16f * d
+                        : wall == Wall::kRight ? 0.84f * d
+                                               : room_.width / 2;
+    Hang(wall, along, 0, 0.98f, 2.1f,
+         building.doors[random.Below(static_cast<int>(building.doors.size()))]);
     if (wall != Wall::kFront) Hang(wall, along, 2.2f, 0.6f, 0.22f, building.exit_sign, 0.5f);
   }
   Hang(Wall::kLeft, 0.27f * d, 0.7f, 0.22f, 0.6f, building.extinguisher);
 }
 
-void RoomBuilder::StandardApproaches(float side_y, float side_heading, float near_side, float far_side,
-                                     float near_middle, float far_middle) {
+void RoomBuilder::StandardApproaches(float side_y, float side_heading, float near_side,
+                                     float far_side, float near_middle, float far_middle) {
   const float ahead = 1.5707963f;
   room_.approaches = {
       Approach{"left", {0, side_y, 1.45f}, ahead + side_heading, near_side, far_side},

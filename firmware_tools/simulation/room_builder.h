@@ -58,7 +58,9 @@ class RoomBuilder {
 
   Eigen::Vector3f OnWall(Wall wall, float along, float up, float out) const;
   float WallLength(Wall wall) const;
-  TexturePtr Poster() { return building.posters[random.Below(static_cast<int>(building.posters.size()))]; }
+  TexturePtr Poster() {
+    return building.posters[random.Below(static_cast<int>(building.posters.size()))];
+  }
 
   const Building& building;
   Random random;

@@ -7,8 +7,8 @@
 namespace viewfix::simulation {
 namespace {
 
-constexpr float kLightGrid = 0.22f;    // metres between the nodes of a light map
-constexpr float kCornerReach = 1.2f;   // metres within which things darken each other
+constexpr float kLightGrid = 0.22f;   // metres between the nodes of a light map
+constexpr float kCornerReach = 1.2f;  // metres within which things darken each other
 constexpr float kSurfaceOffset = 0.012f;
 
 // Directions of a hemisphere about +z, cosine-weighted.
@@ -83,7 +83,8 @@ bool Scene::Shadowed(const Eigen::Vector3f& from, const Eigen::Vector3f& to) con
 
 Eigen::Vector2f Scene::LightAt(const Eigen::Vector3f& point, const Eigen::Vector3f& normal) const {
   static const std::vector<Eigen::Vector3f> directions = HemisphereDirections();
-  const Eigen::Vector3f any = std::abs(normal.z()) > 0.9f ? Eigen::Vector3f::UnitX() : Eigen::Vector3f::UnitZ();
+  const Eigen::Vector3f any =
+      std::abs(normal.z()) > 0.9f ? Eigen::Vector3f::UnitX() : Eigen::Vector3f::UnitZ();
   const Eigen::Vector3f side = normal.cross(any).normalized();
   const Eigen::Vector3f other = normal.cross(side);
   float open = 0, weight = 0;

@@ -13,11 +13,11 @@ namespace viewfix::simulation {
 struct Quad {
   Eigen::Vector3f corner;  // top left
   Eigen::Vector3f right;
-  Eigen::Vector3f down;    // orthogonal to `right`
+  Eigen::Vector3f down;  // orthogonal to `right`
   TexturePtr texture;
-  float repeat_u = 1, repeat_v = 1;     // how often the texture repeats along each edge
-  Eigen::Vector3f tint{1, 1, 1};        // BGR, multiplies the texture (linear light)
-  float glow = 0;                       // light of its own, 1 = as bright as a lit white wall
+  float repeat_u = 1, repeat_v = 1;  // how often the texture repeats along each edge
+  Eigen::Vector3f tint{1, 1, 1};     // BGR, multiplies the texture (linear light)
+  float glow = 0;                    // light of its own, 1 = as bright as a lit white wall
   bool casts_shadow = true;
   bool two_sided = false;
 

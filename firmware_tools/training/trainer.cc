@@ -288,15 +288,15 @@ std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const Train
     }
   };
   constexpr double kCosts[] = {1, 3, 10, 30, 100};
-  constexpr double kBetas[] = {0.1, 0.3, 1, 3, 10};
+  constexpr double kBetas[] = {0.03, 0.1, 0.3, 1, 3, 10};
   if (!options.c) try_all("choosing C", Along(tried[best].options, kCosts, &ScoreOptions::c));
-  if (!options.beta) {
-    try_all("choosing beta", Along(tried[best].options, kBetas, &ScoreOptions::beta));
-  }
   if (!options.other_views_negative) {
     ScoreOptions other = tried[best].options;
     other.other_views_negative = !other.other_views_negative;
     try_all("choosing negatives", {other});
+  }
+  if (!options.beta) {
+    try_all("choosing beta", Along(tried[best].options, kBetas, &ScoreOptions::beta));
   }
   std::swap(tried[0], tried[best]);
   return tried;

@@ -4,14 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <fstream>
-#include <iterator>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <string>
 #include <vector>
 
-#include "tests/firmware_tools/dataset/temp_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace viewfix {
 namespace {
@@ -107,10 +105,10 @@ TEST(LoadGreyImage, NamesFileAndCause) {
   folder.Write("half.jpg", jpeg.substr(0, jpeg.size() / 2));
   folder.Write("half.png", png.substr(0, png.size() / 2));
   folder.Write("wide.png", Encoded(".png", cv::Mat::zeros(10, 20000, CV_8U)));
-  std::filesystem::create_directory(folder.path() / "folder.jpg");
+  std::filesystem::create_directory(folder / "folder.jpg");
   for (const char* name :
        {"none.jpg", "empty.jpg", "text.jpg", "half.jpg", "half.png", "wide.png", "folder.jpg"}) {
-    EXPECT_THAT(ErrorOf(folder.path() / name),
+    EXPECT_THAT(ErrorOf(folder / name),
                 AllOf(HasSubstr("cannot read image "), HasSubstr(std::string(name) + ": ")));
   }
 }

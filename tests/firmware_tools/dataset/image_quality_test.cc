@@ -38,7 +38,7 @@ double BlurOf(const cv::Mat& image) {
 
 TEST(MeasureQuality, TellsTheBlurOfEdges) {
   for (const int contrast : {40, 120, 190}) {
-    EXPECT_LT(BlurOf(Squares(contrast)), 0.7);
+    EXPECT_LT(BlurOf(Squares(contrast)), 0.8);
     for (const double sigma : {1.5, 2.0, 3.0, 4.0}) {
       EXPECT_NEAR(BlurOf(Blurred(Squares(contrast), sigma)), sigma, 0.15 * sigma)
           << "contrast " << contrast;

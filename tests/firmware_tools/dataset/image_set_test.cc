@@ -4,10 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
 #include <random>
 #include <string>
 
-#include "tests/firmware_tools/dataset/temp_folder.h"
+#include "tests/testing/temp_folder.h"
 
 namespace viewfix {
 namespace {
@@ -99,7 +101,7 @@ TEST(LoadImageSet, ReadsCsvOfAnyName) {
   const auto file = folder.Write("sub/walk.csv", "path\nimages/a.jpg\n");
   const ImageSet set = LoadImageSet(file);
   EXPECT_EQ(set.source, file);
-  EXPECT_EQ(set.FullPath(set.images[0]), folder.path() / "sub/images/a.jpg");
+  EXPECT_EQ(set.FullPath(set.images[0]).string(), folder / "sub/images/a.jpg");
 }
 
 TEST(LoadImageSet, ReadsFolders) {
@@ -109,7 +111,7 @@ TEST(LoadImageSet, ReadsFolders) {
     folder.Write(name, "");
   }
   folder.Write("calibration.yaml", kCalibration);
-  for (const auto& path : {folder.path(), folder.path() / "."}) {
+  for (const auto& path : {folder.path(), folder / "."}) {
     const ImageSet set = LoadImageSet(path);
     std::vector<std::string> lines;
     for (const ImageRecord& image : set.images) {
@@ -214,11 +216,11 @@ TEST(LoadImageSet, NamesWhatIsWrongWithRows) {
 
 TEST(LoadImageSet, NamesMissingAndEmptyFolders) {
   const TempFolder folder;
-  EXPECT_THAT(ErrorOf(folder.path() / "none"), AllOf(HasSubstr("none"), HasSubstr("no such")));
+  EXPECT_THAT(ErrorOf(folder / "none"), AllOf(HasSubstr("none"), HasSubstr("no such")));
   EXPECT_THAT(ErrorOf(folder.path()), HasSubstr("no images"));
   folder.Write("room/bad\xFFname.jpg", "");
   EXPECT_THAT(ErrorOf(folder.path()), HasSubstr("UTF-8"));
-  std::filesystem::create_directory(folder.path() / "images.csv");
+  std::filesystem::create_directory(folder / "images.csv");
   EXPECT_THAT(ErrorOf(folder.path()), HasSubstr("images.csv"));
 }
 
@@ -330,7 +332,7 @@ TEST(SaveImageSet, WritesOnlyColumnsInUse) {
   set.images[0].path = "a.jpg";
   set.images[0].location = "lobby";
   SaveImageSet(set);
-  std::ifstream stream(folder.path() / "images.csv");
+  std::ifstream stream(folder / "images.csv");
   EXPECT_EQ(std::string(std::istreambuf_iterator<char>(stream), {}),
             "path,location\na.jpg,lobby\n");
 }
@@ -338,7 +340,7 @@ TEST(SaveImageSet, WritesOnlyColumnsInUse) {
 TEST(SaveImageSet, LeavesNothingHalfWritten) {
   const TempFolder folder;
   ImageSet set;
-  set.folder = folder.path() / "none";
+  set.folder = folder / "none";
   set.images.resize(1);
   set.images[0].path = "a.jpg";
   try {

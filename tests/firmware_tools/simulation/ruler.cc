@@ -3,8 +3,8 @@
 // How hard is the museum? Measured without any code of the engine, so that the museum is
 // fixed before the engine is tuned on it: nearest neighbour on 500-word Hellinger histograms
 // of OpenCV's SIFT, the mean over three vocabularies (one alone varies by some per cent).
-// Succeeds where that finds the location of 80 to 93 % of the test images
-// and takes one show window for the other at least as often as it makes any other mistake.
+// Succeeds where that finds the location of 80 to 93 % of the test images and takes one show
+// window for the other at least as often as it makes any other mistake.
 //
 //   museum_ruler SET
 
