@@ -66,19 +66,19 @@ TEST(GridSelector, KeepsTheStrongestOfAll) {
   EXPECT_EQ(std::ranges::count_if(selected, [](auto& p) { return p.response >= 1000; }), 30);
 }
 
-TEST(GridSelector, GivesAWeakCornerItsShare) {
-  GridSelector selector(640, 400);
-  std::vector<Keypoint> points = RandomPoints(4000, 320, 480, 5);  // the left half only
-  for (Keypoint& point : points) point.response += 100;
-  std::vector<Keypoint> weak = RandomPoints(400, 320, 480, 6);
-  for (Keypoint& point : weak) point.x += 320;
-  points.insert(points.end(), weak.begin(), weak.end());
-  const auto selected = Select(selector, points, 640, 480, 400);
-  EXPECT_GE(std::ranges::count_if(selected, [](auto& p) { return p.x > 320; }), 60);
+TEST(GridSelector, GivesNoCellMoreThan64) {
+  GridSelector selector(640, 400);                                     // cells of 79 pixels
+  const std::vector<Keypoint> points = RandomPoints(3000, 70, 70, 5);  // within one of them
+  EXPECT_EQ(Select(selector, points, 640, 480, 400).size(), 64U);
+}
+
+TEST(GridSelector, KeepsToTheMaximumWhereCellsAreMoreThanThat) {
+  GridSelector selector(4096, 16);
+  EXPECT_EQ(Select(selector, RandomPoints(3000, 4096, 2, 6), 4096, 2, 16).size(), 16U);
 }
 
 TEST(GridSelector, ListsCellsRowByRowAndTheStrongestFirstInside) {
-  GridSelector selector(240, 90);  // cells of 161 pixels
+  GridSelector selector(240, 90);  // cells of 72 pixels
   std::vector<Keypoint> points(4);
   points[0].x = 200, points[0].y = 200, points[0].response = 9;
   points[1].x = 5, points[1].y = 5, points[1].response = 1;
