@@ -62,9 +62,9 @@ void CheckPosesAskedFor(const TrainFlags& flags, const ImageSet& set) {
 }
 
 // What `viewfix check` would say of labels and appearance, and what was skipped.
-void PrintWarnings(const ImageSet& set, const Preparation& prepared) {
+void PrintWarnings(const ImageSet& set, const Preparation& prepared, int jobs) {
   std::vector<Finding> findings = CheckLabels(set);
-  const std::vector<Finding> more = CheckAppearance(set, prepared);
+  const std::vector<Finding> more = CheckAppearance(set, prepared, jobs, ShowProgress);
   findings.insert(findings.end(), more.begin(), more.end());
   for (const std::string& warning : prepared.warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
@@ -93,7 +93,7 @@ void RunTrain(const TrainFlags& flags) {
   const ImageSet set = LoadImageSet(flags.set);
   CheckPosesAskedFor(flags, set);
   const Preparation prepared = Prepare(set, options, ShowProgress);
-  PrintWarnings(set, prepared);
+  PrintWarnings(set, prepared, options.jobs);
   const TrainResult result = Train(set, prepared, options, ShowProgress);
   const auto bytes = WriteModel(result.model);
   if (!bytes.ok()) throw ToolError(flags.out + ": " + bytes.status().text());
