@@ -118,11 +118,6 @@ void CountRight(const Labels& labels, HeldOut& result) {
   result.view_accuracy = view / n;
 }
 
-// What options are chosen by: views count where they mean something beyond the location.
-double Merit(const Labels& labels, const HeldOut& result) {
-  return result.location_accuracy + (labels.global_views ? result.view_accuracy : 0.0);
-}
-
 // Held-out scores of one fold under one option, decided by both rules.
 std::pair<HeldOut, HeldOut> RunFold(const Labels& labels, const Eigen::MatrixXf& gram,
                                     std::span<const int> fold_of_sample, int fold,
@@ -155,6 +150,10 @@ void Append(HeldOut& all, const HeldOut& fold) {
 }
 
 }  // namespace
+
+double Merit(const Labels& labels, const HeldOut& result) {
+  return result.location_accuracy + (labels.global_views ? result.view_accuracy : 0.0);
+}
 
 LocationModel TrainLocation(const Labels& labels, const Eigen::MatrixXf& gram, int location,
                             const std::vector<bool>& used, const ScoreOptions& options) {

@@ -69,6 +69,9 @@ struct HeldOut {
   double view_accuracy = 0;  // share with the right pair's view, whatever the location
 };
 
+// What options are chosen by: views count where they mean something beyond the location.
+double Merit(const Labels& labels, const HeldOut& result);
+
 // Fold of each sample: every pair's images, in order, are cut into contiguous blocks, so
 // that a held-out image's neighbours in the walk are held out with it. -1: never held out
 // (a location's only images).

@@ -95,10 +95,6 @@ ScoreOptions FirstGuess(const TrainOptions& options) {
   return guess;
 }
 
-double Merit(const Labels& labels, const HeldOut& result) {
-  return result.location_accuracy + (labels.global_views ? result.view_accuracy : 0.0);
-}
-
 // Candidates along one parameter, the best so far excluded: it has been measured.
 std::vector<ScoreOptions> Along(const ScoreOptions& best, std::span<const double> values,
                                 double ScoreOptions::*parameter) {

@@ -62,12 +62,6 @@ int Distance2(std::span<const std::int8_t> a, std::span<const std::int8_t> b) {
   return sum;
 }
 
-TEST(Gaussian, EqualsTheExponential) {
-  for (double t = 0; t <= 20; t += 0.37) {
-    EXPECT_NEAR(ExpNegative(t) / std::exp(-t), 1, 1e-9) << t;
-  }
-}
-
 TEST(Surf, SameFeaturesEveryTimeAndFromEveryInstance) {
   const TestImage image = BarsImage(220, 160, 1);
   Surf first(SmallOptions());
