@@ -63,17 +63,20 @@ struct Localizer::State {
         shrink(model.features().max_image_side),
         features(model.features().max_features, model.features().descriptor_dim),
         vocabulary(model.vocabulary().words, model.vocabulary().dim),
-        words(model.features().max_features),
+        words(std::size_t(model.features().max_features) * model.vocabulary().words_per_feature),
         histogram_builder(vocabulary.size(), model.features().max_features,
-                          model.scoring().histogram_map),
+                          model.vocabulary().words_per_feature, model.scoring().histogram_map),
         histogram(histogram_builder.MakeHistogram()),
         pair_scores(model.scoring().num_pairs),
+        pair_evidence(model.scoring().num_pairs),
         location_scores(model.scoring().num_locations),
         retrieval(model.keyframes(), model.scoring().histogram_map, vocabulary.size(),
-                  model.scoring().num_pairs) {}
+                  model.scoring().num_pairs),
+        keyframe_similarities(model.keyframes().size) {}
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
 
+  int NearestKeyframe(int pair_idx) const;
   int BestOtherLocation(const Fix& fix) const;
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
@@ -89,25 +92,39 @@ struct Localizer::State {
   HistogramBuilder histogram_builder;
   Histogram histogram;
   std::vector<float> pair_scores;
+  std::vector<float> pair_evidence;  // the scores and what the keyframes add
   std::vector<float> location_scores;
   Retrieval retrieval;
+  std::vector<float> keyframe_similarities;
 };
 
-// Equation (5), then the location by the model's rule, its best view, and the nearest
-// keyframe inside that pair (section 2 of the method).
+// Equation (5) and the keyframes' similarities, then the location by the model's rule, its
+// best view, and the nearest keyframe inside that pair (section 2 of the method).
 void Localizer::State::Score(Fix& fix) {
-  const std::span<std::uint16_t> found(words.data(), features.size());
-  vocabulary.NearestWords(features.descriptors(), found);
+  const int per_feature = model.vocabulary().words_per_feature;
+  const std::span<std::uint16_t> found(words.data(), std::size_t(features.size()) * per_feature);
+  vocabulary.NearestWords(features.descriptors(), per_feature, found);
   histogram_builder.Build(found, histogram);
   ScorePairs(model.scoring(), histogram, pair_scores);
-  ScoreLocations(model.scoring(), pair_scores, location_scores);
+  retrieval.SetQuery(histogram);
+  retrieval.Similarities(keyframe_similarities);
+  pair_evidence = pair_scores;
+  AddKeyframeSimilarity(model.scoring(), model.keyframes(), keyframe_similarities, pair_evidence);
+  ScoreLocations(model.scoring(), pair_evidence, location_scores);
   const auto best = std::max_element(location_scores.begin(), location_scores.end());
   fix.location_idx = static_cast<int>(best - location_scores.begin());
-  fix.pair_idx = BestPairOf(model.scoring(), pair_scores, fix.location_idx);
+  fix.pair_idx = BestPairOf(model.scoring(), pair_evidence, fix.location_idx);
   fix.score = pair_scores[fix.pair_idx];
-  retrieval.SetQuery(histogram);
-  fix.keyframe_idx =
-      retrieval.Nearest(retrieval.FirstOf(fix.pair_idx), retrieval.LastOf(fix.pair_idx));
+  fix.keyframe_idx = NearestKeyframe(fix.pair_idx);
+}
+
+// The most similar keyframe of a pair, the lowest index among equals; -1: it has none.
+int Localizer::State::NearestKeyframe(int pair_idx) const {
+  const int first = retrieval.FirstOf(pair_idx);
+  const int last = retrieval.LastOf(pair_idx);
+  if (first == last) return -1;
+  const auto begin = keyframe_similarities.begin();
+  return static_cast<int>(std::max_element(begin + first, begin + last) - begin);
 }
 
 // The best location that is neither the guess nor a rival already; -1: none is left.
@@ -172,6 +189,7 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& /*prior*/) 
     fix.reasons |= kTooFewFeatures;
     std::fill(s.pair_scores.begin(), s.pair_scores.end(), 0.0F);
     std::fill(s.location_scores.begin(), s.location_scores.end(), 0.0F);
+    std::fill(s.keyframe_similarities.begin(), s.keyframe_similarities.end(), 0.0F);
   } else {
     s.Score(fix);
     s.FindRivals(fix);
@@ -186,6 +204,8 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& /*prior*/) 
 
 std::span<const float> Localizer::pair_scores() const { return state_->pair_scores; }
 std::span<const float> Localizer::location_scores() const { return state_->location_scores; }
-const Histogram& Localizer::histogram() const { return state_->histogram; }
+std::span<const float> Localizer::keyframe_similarities() const {
+  return state_->keyframe_similarities;
+}
 
 }  // namespace viewfix

@@ -47,7 +47,7 @@ struct Fix {
   int keyframe_idx = -1;  // nearest by histogram inside the pair
   float confidence = 0;   // 0..1, probability that the location is right
   float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
-  float margin = 0;       // best location's score less the best other location's
+  float margin = 0;       // best location's score, keyframes counted in, less the best other's
   int num_rivals = 0;     // other locations close to the best, best first
   int rivals[kMaxRivals] = {};
   int num_features = 0;
@@ -82,11 +82,12 @@ class Localizer {
   // reasons). Errors: an empty view, or one larger than kMaxImageSide / kMaxImagePixels.
   Result<Fix> Localize(const ImageView& image, const Prior& prior = {});
 
-  // Of the last Localize(): the score of every (location, view) pair, and of every location
-  // (zero where the frame was not scored), and the histogram of visual words.
+  // Of the last Localize(): the score of every (location, view) pair, eq. (5) alone; the score
+  // of every location with what keyframes add (scoring/scoring.h); and every keyframe's
+  // similarity to the frame (retrieval/retrieval.h). Zero where the frame was not scored.
   std::span<const float> pair_scores() const;
   std::span<const float> location_scores() const;
-  const Histogram& histogram() const;
+  std::span<const float> keyframe_similarities() const;
 
  private:
   struct State;

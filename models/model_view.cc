@@ -154,9 +154,13 @@ Status ModelView::LoadVocabulary() {
   const std::uint32_t num_words = v->num_words();
   if (num_words < 1 || num_words > 65535) return Corrupt("model's number of words is out of range");
   if (v->dim() != features_.descriptor_dim) return Corrupt("model's words have a wrong dimension");
-  vocabulary_ = {static_cast<int>(num_words), v->dim(), Span(v->words())};
+  vocabulary_ = {static_cast<int>(num_words), v->dim(), Span(v->words()), v->words_per_feature()};
   if (vocabulary_.words.size() != std::size_t{num_words} * v->dim()) {
     return Corrupt("model's vocabulary has a wrong size");
+  }
+  const int votes = vocabulary_.words_per_feature;
+  if (votes < 1 || votes > kMaxWordsPerFeature || votes > vocabulary_.num_words) {
+    return Corrupt("model's number of words for a feature is out of range");
   }
   return {};
 }
@@ -176,7 +180,8 @@ Status ModelView::LoadScoring() {
               Span(s->pair_view()),
               Span(s->bias()),
               Span(s->weight_scale()),
-              Span(s->weights())};
+              Span(s->weights()),
+              s->keyframe_weight()};
   const ModelScoring& g = scoring_;
   const std::size_t pairs = g.pair_location.size();
   const bool known = s->histogram_map() >= 1 && s->histogram_map() <= 2 &&
@@ -186,9 +191,10 @@ Status ModelView::LoadScoring() {
                      g.bias.size() == pairs && g.weight_scale.size() == pairs &&
                      g.weights.size() == pairs * std::size_t(vocabulary_.num_words);
   if (!sizes) return Corrupt("model's scoring tables have wrong sizes");
-  if (!AllFinite(g.bias) || !AllFinite(g.weight_scale)) {
+  if (!AllFinite(g.bias) || !AllFinite(g.weight_scale) || !std::isfinite(g.keyframe_weight)) {
     return Corrupt("model's scoring tables hold a number that is not finite");
   }
+  if (g.keyframe_weight < 0) return Corrupt("model's keyframe weight is negative");
   int next_location = 0;  // pairs go through all locations in order, views ascending in each
   for (std::size_t p = 0; p < pairs; ++p) {
     const bool first = p == 0 || g.pair_location[p] != g.pair_location[p - 1];

@@ -23,6 +23,8 @@ inline constexpr std::size_t kModelHeaderBytes = 64;
 inline constexpr std::size_t kModelHashOffset = 32;
 inline constexpr std::size_t kModelHashBytes = 32;
 
+inline constexpr int kMaxWordsPerFeature = 4;
+
 // Values are stored in models: do not change them.
 enum class HistogramMap : std::uint8_t { kL1 = 1, kHellinger = 2 };
 enum class LocationRule : std::uint8_t { kBestPair = 1, kSumOfPairs = 2 };
@@ -42,6 +44,7 @@ struct ModelVocabulary {
   int num_words = 0;
   int dim = 0;
   std::span<const std::int8_t> words;  // [num_words, dim]
+  int words_per_feature = 1;
 };
 
 struct ModelScoring {
@@ -55,6 +58,7 @@ struct ModelScoring {
   std::span<const float> bias;                   // [pairs]
   std::span<const float> weight_scale;           // [pairs]
   std::span<const std::int8_t> weights;          // [words, pairs]
+  float keyframe_weight = 0;
 };
 
 struct ModelConfidence {

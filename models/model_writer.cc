@@ -19,7 +19,8 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
                          static_cast<std::uint16_t>(f.descriptor_dim));
   const auto vocabulary = fb::CreateVocabulary(
       b, static_cast<std::uint32_t>(d.words.size() / dim),
-      static_cast<std::uint16_t>(f.descriptor_dim), b.CreateVector(d.words));
+      static_cast<std::uint16_t>(f.descriptor_dim), b.CreateVector(d.words),
+      static_cast<std::uint8_t>(d.words_per_feature));
   const auto locations = b.CreateVectorOfStrings(d.locations);
   const auto views = b.CreateVectorOfStrings(d.views);
   const auto pair_location = b.CreateVector(d.pair_location);
@@ -30,7 +31,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto scoring =
       fb::CreateScoring(b, static_cast<std::uint8_t>(d.histogram_map),
                         static_cast<std::uint8_t>(d.location_rule), locations, views,
-                        pair_location, pair_view, bias, weight_scale, weights);
+                        pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
   const auto confidence =
       fb::CreateConfidence(b, d.confidence.offset, d.confidence.slope, d.confidence.threshold);
   std::vector<float> poses;

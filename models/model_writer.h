@@ -16,6 +16,7 @@ namespace viewfix {
 struct ModelData {
   ModelFeatures features;
   std::vector<std::int8_t> words;  // [num_words, features.descriptor_dim]
+  int words_per_feature = 1;
   HistogramMap histogram_map = HistogramMap::kHellinger;
   LocationRule location_rule = LocationRule::kBestPair;
   std::vector<std::string> locations;
@@ -25,6 +26,7 @@ struct ModelData {
   std::vector<float> bias;
   std::vector<float> weight_scale;
   std::vector<std::int8_t> weights;  // [num_words, pairs]
+  float keyframe_weight = 0;
   ModelConfidence confidence;
   std::vector<std::uint16_t> keyframe_pair;
   std::vector<std::uint32_t> keyframe_word_begin = {0};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <span>
 #include <vector>
 
@@ -22,16 +23,16 @@ class Retrieval {
   int LastOf(int pair_idx) const { return first_of_pair_[pair_idx + 1]; }
   // q'h - |h|^2 / 2: orders keyframes as their Euclidean distance to the query does.
   float Similarity(int keyframe_idx) const;
-  // The most similar of keyframes [first, last); the lowest index among equals; -1: none.
-  int Nearest(int first, int last) const;
+  // Of all keyframes: [keyframes].
+  void Similarities(std::span<float> similarities) const;
 
  private:
   ModelKeyframes keyframes_;
-  HistogramMap map_;
+  std::array<float, 256> mapped_count_;  // of a count, before it is scaled by scale_
   std::vector<float> query_;        // [words] dense
   std::vector<std::uint16_t> query_words_;
   std::vector<int> first_of_pair_;  // [pairs + 1]
-  std::vector<int> total_;          // [keyframes] sum of counts
+  std::vector<float> scale_;        // [keyframes] h = scale * mapped count
   std::vector<float> norm2_;        // [keyframes] |h|^2
 };
 

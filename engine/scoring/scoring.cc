@@ -20,6 +20,18 @@ void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span
   }
 }
 
+void AddKeyframeSimilarity(const ModelScoring& model, const ModelKeyframes& keyframes,
+                           std::span<const float> similarities, std::span<float> pair_scores) {
+  int k = 0;
+  for (int p = 0; p < model.num_pairs; ++p) {
+    float best = kNoSimilarity;
+    for (; k < keyframes.size && keyframes.pair[k] == p; ++k) {
+      best = std::max(best, similarities[k]);
+    }
+    pair_scores[p] += model.keyframe_weight * best;
+  }
+}
+
 void ScoreLocations(const ModelScoring& model, std::span<const float> pair_scores,
                     std::span<float> location_scores) {
   const bool sum = model.location_rule == LocationRule::kSumOfPairs;

@@ -14,6 +14,14 @@ namespace viewfix {
 //   scores [pairs]. No allocation.
 void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores);
 
+// Adds to each pair's score what its most similar keyframe says:
+//   f'_p = f_p + keyframe_weight * max_k s_k over the keyframes k of pair p,
+// s_k as Retrieval::Similarity() gives it; a pair without keyframes adds kNoSimilarity.
+//   similarities [keyframes], pair_scores [pairs]. No allocation.
+inline constexpr float kNoSimilarity = -0.5F;  // of histograms that share no word
+void AddKeyframeSimilarity(const ModelScoring& model, const ModelKeyframes& keyframes,
+                           std::span<const float> similarities, std::span<float> pair_scores);
+
 // A location's score from its pairs' scores, by the model's rule.
 //   pair_scores [pairs], location_scores [locations]. No allocation.
 void ScoreLocations(const ModelScoring& model, std::span<const float> pair_scores,

@@ -20,10 +20,11 @@ class Vocabulary {
   int size() const { return size_; }
   int dim() const { return dim_; }
 
-  // argmin_w |d - c_w|^2 = argmax_w d'c_w - |c_w|^2 / 2, exact in integers; the lowest
-  // index among equals.
-  //   descriptors [n, dim]   words_out [n]
-  void NearestWords(std::span<const std::int8_t> descriptors,
+  // The words of least |d - c_w|^2, that is of largest d'c_w - |c_w|^2 / 2, nearest first;
+  // exact in integers, the lower index first among equals.
+  //   descriptors [n, dim]   words_out [n, words_per_descriptor]
+  //   words_per_descriptor   1..kMaxWordsPerFeature, at most size()
+  void NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                     std::span<std::uint16_t> words_out) const;
 
  private:
@@ -45,20 +46,23 @@ struct Histogram {
 // h of one count: count / total (L1), or its square root (Hellinger map).
 float MapCount(HistogramMap map, int count, int total);
 
-// Counts words into histograms. Reuses its memory: no allocation after construction when
-// the histogram has capacity.
+// Counts words into histograms. A feature votes for its nearest words, nearest first, each
+// with half the votes of the one before (1; 2, 1; 4, 2, 1; ...): a frame's features often lie
+// near the border of two words. Reuses its memory: no allocation after construction when the
+// histogram has capacity.
 class HistogramBuilder {
  public:
-  HistogramBuilder(int num_words, int max_features, HistogramMap map);
+  HistogramBuilder(int num_words, int max_features, int words_per_feature, HistogramMap map);
   // A histogram with room for any image.
   Histogram MakeHistogram() const;
-  //   words [n] in any order, n <= max_features
+  //   words [n, words_per_feature], n <= max_features
   void Build(std::span<const std::uint16_t> words, Histogram& histogram);
 
  private:
   HistogramMap map_;
+  int words_per_feature_;
   int max_entries_;
-  std::vector<std::uint16_t> counts_;  // [num_words], zero between calls
+  std::vector<std::int32_t> counts_;  // [num_words], zero between calls
 };
 
 }  // namespace viewfix

@@ -62,6 +62,8 @@ Json Describe(const ModelView& model) {
                       {"upright", f.upright},
                       {"threshold", f.threshold}};
   json["words"] = model.vocabulary().num_words;
+  json["words_per_feature"] = model.vocabulary().words_per_feature;
+  json["keyframe_weight"] = model.scoring().keyframe_weight;
   json["histogram_map"] =
       model.scoring().histogram_map == HistogramMap::kHellinger ? "hellinger" : "l1";
   json["keyframes"] = model.keyframes().size;

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <numeric>
 
-#include "engine/retrieval/retrieval.h"
+#include "engine/scoring/scoring.h"
 #include "firmware_tools/dataset/image_loader.h"
 #include "firmware_tools/training/feature_store.h"
 #include "platform/clock.h"
@@ -54,12 +54,9 @@ int FindLocation(const ModelView& model, const std::string& name) {
 }
 
 // Keyframes, all of them, by similarity to the last frame.
-void RankKeyframes(const ModelView& model, const Histogram& histogram, Retrieval& retrieval,
-                   int truth, FrameResult& result) {
+void RankKeyframes(const ModelView& model, std::span<const float> similarity, int truth,
+                   FrameResult& result) {
   const int size = model.keyframes().size;
-  retrieval.SetQuery(histogram);
-  std::vector<float> similarity(size);
-  for (int k = 0; k < size; ++k) similarity[k] = retrieval.Similarity(k);
   std::vector<int> order(size);
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),
@@ -81,8 +78,15 @@ void CompareKeyframe(const ModelView& model, const ImageRecord& image, FrameResu
       rotation.normalized().angularDistance(image.pose->world_from_cam) * 180 / std::numbers::pi;
 }
 
+std::string BestByScoreAlone(const ModelView& model, std::span<const float> pair_scores) {
+  std::vector<float> scores(model.scoring().num_locations);
+  ScoreLocations(model.scoring(), pair_scores, scores);
+  const auto best = std::max_element(scores.begin(), scores.end()) - scores.begin();
+  return std::string(model.location_name(static_cast<int>(best)));
+}
+
 void Describe(const ModelView& model, const Localizer& localizer, const ImageRecord& image,
-              Retrieval& retrieval, FrameResult& result) {
+              FrameResult& result) {
   if (result.fix.location_idx < 0) return;
   result.location = model.location_name(result.fix.location_idx);
   result.view = model.view_name(model.scoring().pair_view[result.fix.pair_idx]);
@@ -93,7 +97,8 @@ void Describe(const ModelView& model, const Localizer& localizer, const ImageRec
                                    scores.begin(), scores.end(),
                                    [&](float s) { return s > scores[truth]; }));
   }
-  RankKeyframes(model, localizer.histogram(), retrieval, truth, result);
+  result.scored_location = BestByScoreAlone(model, localizer.pair_scores());
+  RankKeyframes(model, localizer.keyframe_similarities(), truth, result);
   CompareKeyframe(model, image, result);
 }
 
@@ -108,8 +113,6 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
       record.is_object() && record.value("view_source", "") == "labels";
   const std::vector<int> idxs = ImagesOf(set, options.split);
   Localizer localizer = MakeLocalizer(model);
-  Retrieval retrieval(model.keyframes(), model.scoring().histogram_map,
-                      model.vocabulary().num_words, model.scoring().num_pairs);
   for (int n = 0; n < static_cast<int>(idxs.size()); ++n) {
     const ImageRecord& image = set.images[idxs[n]];
     FrameResult result;
@@ -119,7 +122,7 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
       const Result<Fix> fix = localizer.Localize(pixels.view());
       if (!fix.ok()) throw ToolError(set.FullPath(image).string() + ": " + fix.status().text());
       result.fix = *fix;
-      Describe(model, localizer, image, retrieval, result);
+      Describe(model, localizer, image, result);
       evaluation.frames.push_back(std::move(result));
     } catch (const ToolError& error) {
       evaluation.skipped.push_back(error.what());

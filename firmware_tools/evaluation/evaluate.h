@@ -20,6 +20,7 @@ struct FrameResult {
   std::string location;          // best guess; empty: none
   std::string view;
   int location_rank = 0;         // of the right location among all by score, from 1; 0: unknown
+  std::string scored_location;   // best by eq. (5) alone, keyframes left out
   std::string nearest_location;  // location of the nearest keyframe of all
   int nearest_rank = 0;          // rank, from 1, of the first keyframe of the right location
   std::optional<double> keyframe_distance;   // metres from the truth to the fix's keyframe

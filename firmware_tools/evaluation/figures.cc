@@ -49,6 +49,9 @@ class Figures {
   Json Location() const {
     return Accuracy([](const FrameResult& f) { return f.location; });
   }
+  Json ScoreAlone() const {
+    return Accuracy([](const FrameResult& f) { return f.scored_location; });
+  }
   Json NearestKeyframe() const {
     return Accuracy([](const FrameResult& f) { return f.nearest_location; });
   }
@@ -212,6 +215,7 @@ Json Figures::PerFrame() const {
                     {"location", f.location},
                     {"true_location", Truth(f).location},
                     {"location_rank", f.location_rank},
+                    {"scored_location", f.scored_location},
                     {"nearest_location", f.nearest_location},
                     {"view", f.view},
                     {"true_view", Truth(f).view},
@@ -236,6 +240,7 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
   json["model_bytes"] = evaluation.model_bytes;
   json["location"] = figures.Location();
   json["view"] = figures.View();
+  json["score_alone"] = figures.ScoreAlone();
   json["nearest_keyframe"] = figures.NearestKeyframe();
   json["retrieval"] = figures.Retrieval();
   json["pose"] = figures.Pose();

@@ -177,7 +177,7 @@ Sums Assign(Descriptors descriptors, int dim, Descriptors words, int jobs,
     const std::size_t begin = chunk * kChunk;
     const std::size_t end = std::min(begin + kChunk, distance2.size());
     std::vector<std::uint16_t> nearest(end - begin);
-    vocabulary.NearestWords(descriptors.subspan(begin * dim, nearest.size() * dim), nearest);
+    vocabulary.NearestWords(descriptors.subspan(begin * dim, nearest.size() * dim), 1, nearest);
     for (std::size_t i = begin; i < end; ++i) {
       const Descriptors descriptor = descriptors.subspan(i * dim, dim);
       const std::uint16_t word = nearest[i - begin];

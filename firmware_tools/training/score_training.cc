@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/scoring/scoring.h"
+
 namespace viewfix {
 namespace {
 
@@ -83,7 +85,8 @@ double LocationScore(const std::vector<double>& task_scores, LocationRule rule) 
 }
 
 // scores[location][i]: task scores of held-out sample i.
-HeldOut Decide(const std::vector<int>& samples,
+// `similarity` [pairs, samples]: of a pair's most similar keyframe to a sample.
+HeldOut Decide(const std::vector<int>& samples, const Eigen::MatrixXd& similarity,
                const std::vector<std::vector<std::vector<double>>>& scores,
                const std::vector<LocationModel>& models, const ScoreOptions& options) {
   HeldOut result;
@@ -91,7 +94,10 @@ HeldOut Decide(const std::vector<int>& samples,
   for (std::size_t i = 0; i < samples.size(); ++i) {
     Ranked ranked;
     for (std::size_t l = 0; l < scores.size(); ++l) {
-      const std::vector<double>& tasks = scores[l][i];
+      std::vector<double> tasks = scores[l][i];
+      for (std::size_t t = 0; t < tasks.size(); ++t) {
+        tasks[t] += options.keyframe_weight * similarity(models[l].pairs[t], i);
+      }
       const auto best = std::max_element(tasks.begin(), tasks.end()) - tasks.begin();
       Offer(ranked, static_cast<int>(l), models[l].pairs[best],
             LocationScore(tasks, options.rule));
@@ -118,8 +124,23 @@ void CountRight(const Labels& labels, HeldOut& result) {
   result.view_accuracy = view / n;
 }
 
+// Of each pair's most similar keyframe among those `used`, to each of `samples`.
+Eigen::MatrixXd BestSimilarities(const Labels& labels, const Eigen::MatrixXf& similarities,
+                                 const std::vector<bool>& used, const std::vector<int>& samples) {
+  Eigen::MatrixXd best = Eigen::MatrixXd::Constant(labels.num_pairs(), samples.size(),
+                                                   double{kNoSimilarity});
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    for (std::size_t k = 0; k < used.size(); ++k) {
+      double& so_far = best(labels.pair[k], i);
+      if (used[k]) so_far = std::max(so_far, double{similarities(k, samples[i])});
+    }
+  }
+  return best;
+}
+
 // Held-out scores of one fold under one option, decided by both rules.
 std::pair<HeldOut, HeldOut> RunFold(const Labels& labels, const Eigen::MatrixXf& gram,
+                                    const Eigen::MatrixXf& similarities,
                                     std::span<const int> fold_of_sample, int fold,
                                     ScoreOptions options, int jobs, const Progress& progress) {
   std::vector<bool> used(fold_of_sample.size());
@@ -138,10 +159,11 @@ std::pair<HeldOut, HeldOut> RunFold(const Labels& labels, const Eigen::MatrixXf&
         for (const int s : held_out) scores[l].push_back(ScoreSample(models[l], gram, s));
       },
       progress);
+  const Eigen::MatrixXd similarity = BestSimilarities(labels, similarities, used, held_out);
   options.rule = LocationRule::kBestPair;
-  HeldOut best_pair = Decide(held_out, scores, models, options);
+  HeldOut best_pair = Decide(held_out, similarity, scores, models, options);
   options.rule = LocationRule::kSumOfPairs;
-  return {std::move(best_pair), Decide(held_out, scores, models, options)};
+  return {std::move(best_pair), Decide(held_out, similarity, scores, models, options)};
 }
 
 void Append(HeldOut& all, const HeldOut& fold) {
@@ -241,6 +263,7 @@ std::vector<int> HeldOutBlocks(const Labels& labels, int folds) {
 }
 
 std::vector<HeldOut> CrossValidate(const Labels& labels, const Eigen::MatrixXf& gram,
+                                   const Eigen::MatrixXf& similarities,
                                    std::span<const int> fold_of_sample, int folds,
                                    std::span<const ScoreOptions> candidates, int jobs,
                                    const Progress& progress) {
@@ -256,7 +279,7 @@ std::vector<HeldOut> CrossValidate(const Labels& labels, const Eigen::MatrixXf& 
         if (progress) progress(finished + done, total);
       };
       const auto [by_best, by_sum] =
-          RunFold(labels, gram, fold_of_sample, f, candidate, jobs, part);
+          RunFold(labels, gram, similarities, fold_of_sample, f, candidate, jobs, part);
       finished += locations;
       Append(best_pair, by_best);
       Append(sum, by_sum);

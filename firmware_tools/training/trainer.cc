@@ -62,6 +62,10 @@ void CheckEmptyLocations(const ImageSet& set, std::span<const int> asked,
   }
 }
 
+int WordsPerFeature(const TrainOptions& options) {
+  return std::min(options.words_per_feature, options.num_words);
+}
+
 std::vector<std::int8_t> AllDescriptors(const FeatureStore& features) {
   std::vector<std::int8_t> all;
   for (const ImageFeatures& image : features.images) {
@@ -111,6 +115,7 @@ Json ToJson(const HeldOut& result) {
   return {{"c", result.options.c},
           {"beta", result.options.beta},
           {"other_views_negative", result.options.other_views_negative},
+          {"keyframe_weight", result.options.keyframe_weight},
           {"location_rule",
            result.options.rule == LocationRule::kBestPair ? "best_pair" : "sum_of_pairs"},
           {"held_out", result.predictions.size()},
@@ -189,7 +194,7 @@ void AddKeyframes(const ImageSet& set, const TrainOptions& options, const Prepar
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return labels.pair[a] < labels.pair[b]; });
   for (const int s : order) {
-    const Histogram& h = prepared.histograms[s];
+    const Histogram& h = prepared.keyframe_histograms[s];
     const std::optional<Pose> pose =
         options.use_poses ? set.images[labels.image_idxs[s]].pose : std::nullopt;
     model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));
@@ -245,10 +250,15 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
     if (usable && HasPlace(set, set.images[i])) samples.push_back(i);
   }
   const Vocabulary vocabulary(prepared.words, dim);
-  prepared.histograms = BuildHistograms(prepared.features, samples, vocabulary,
-                                        options.histogram_map, options.jobs,
-                                        Begin(stages, "histograms"));
+  for (ImageHistograms& h : BuildHistograms(prepared.features, samples, vocabulary,
+                                            WordsPerFeature(options), options.histogram_map,
+                                            options.jobs, Begin(stages, "histograms"))) {
+    prepared.histograms.push_back(std::move(h.frame));
+    prepared.keyframe_histograms.push_back(std::move(h.keyframe));
+  }
   prepared.gram = GramMatrix(prepared.histograms, vocabulary.size(), options.jobs);
+  prepared.similarities = KeyframeSimilarities(prepared.histograms, prepared.keyframe_histograms,
+                                               vocabulary.size(), options.jobs);
   prepared.labels = MakeLabels(set, samples, prepared.gram, options.labels);
   return prepared;
 }
@@ -271,7 +281,7 @@ std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const Train
   const Labels& labels = prepared.labels;
   const std::vector<int> fold = HeldOutBlocks(labels, options.folds);
   const auto measure = [&](const std::string& stage, std::span<const ScoreOptions> candidates) {
-    return CrossValidate(labels, prepared.gram, fold, options.folds, candidates, options.jobs,
+    return CrossValidate(labels, prepared.gram, prepared.similarities, fold, options.folds, candidates, options.jobs,
                          Begin(stages, stage));
   };
   const ScoreOptions start = FirstGuess(options);
@@ -313,8 +323,10 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   ModelData& model = result.model;
   model.features = FeaturesOf(prepared.features);
   model.words = prepared.words;
+  model.words_per_feature = WordsPerFeature(options);
   model.histogram_map = options.histogram_map;
   model.location_rule = chosen.rule;
+  model.keyframe_weight = static_cast<float>(chosen.keyframe_weight);
   model.locations = labels.locations;
   model.views = labels.views;
   AssignAll(labels.pair_location, model.pair_location);

@@ -39,13 +39,13 @@ struct Tables {
   }
 };
 
-// The histogram of a frame of 800 features whose words fall at random.
+// The histogram of a frame of 800 features with three words each that fall at random.
 Histogram FrameHistogram(int words) {
   std::mt19937 random(2);
-  std::vector<std::uint16_t> found(800);
+  std::vector<std::uint16_t> found(800 * 3);
   for (auto& word : found) word = static_cast<std::uint16_t>(random() % words);
   Histogram histogram;
-  HistogramBuilder(words, 800, HistogramMap::kHellinger).Build(found, histogram);
+  HistogramBuilder(words, 800, 3, HistogramMap::kHellinger).Build(found, histogram);
   return histogram;
 }
 

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "models/model_view.h"
 #include "tests/testing/tiny_model.h"
 
@@ -17,7 +19,7 @@ Histogram HistogramOf(const ModelKeyframes& keyframes, int k, HistogramMap map) 
     words.insert(words.end(), keyframes.counts[j], keyframes.words[j]);
   }
   Histogram histogram;
-  HistogramBuilder(kWords, static_cast<int>(words.size()), map).Build(words, histogram);
+  HistogramBuilder(kWords, static_cast<int>(words.size()), 1, map).Build(words, histogram);
   return histogram;
 }
 
@@ -45,8 +47,9 @@ class RetrievalTest : public ::testing::TestWithParam<HistogramMap> {
 TEST_P(RetrievalTest, AKeyframeIsNearestToItself) {
   for (int k = 0; k < model_.keyframes().size; ++k) {
     retrieval_.SetQuery(HistogramOf(model_.keyframes(), k, GetParam()));
-    const int pair = model_.keyframes().pair[k];
-    EXPECT_EQ(retrieval_.Nearest(retrieval_.FirstOf(pair), retrieval_.LastOf(pair)), k);
+    std::vector<float> similarities(model_.keyframes().size);
+    retrieval_.Similarities(similarities);
+    EXPECT_EQ(std::max_element(similarities.begin(), similarities.end()) - similarities.begin(), k);
   }
 }
 
@@ -63,9 +66,13 @@ TEST_P(RetrievalTest, SimilarityOrdersAsDistanceDoes) {
   }
 }
 
-TEST_P(RetrievalTest, NoKeyframesNoNearest) {
-  retrieval_.SetQuery(HistogramOf(model_.keyframes(), 0, GetParam()));
-  EXPECT_EQ(retrieval_.Nearest(2, 2), -1);
+TEST_P(RetrievalTest, APairsKeyframesFollowEachOther) {
+  for (int pair = 0; pair < model_.scoring().num_pairs; ++pair) {
+    for (int k = retrieval_.FirstOf(pair); k < retrieval_.LastOf(pair); ++k) {
+      EXPECT_EQ(model_.keyframes().pair[k], pair);
+    }
+  }
+  EXPECT_EQ(retrieval_.LastOf(model_.scoring().num_pairs - 1), model_.keyframes().size);
 }
 
 INSTANTIATE_TEST_SUITE_P(Maps, RetrievalTest,

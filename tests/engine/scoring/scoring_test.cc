@@ -82,5 +82,17 @@ TEST(BestPairOf, HighestAndLowestIndexAmongEquals) {
   EXPECT_EQ(BestPairOf(f.model, std::vector<float>{1, 3, 9, 0, 0}, 2), 3);
 }
 
+TEST(AddKeyframeSimilarity, AddsTheMostSimilarOfEachPair) {
+  Fixture f;
+  f.model.keyframe_weight = 2;
+  const std::vector<std::uint16_t> pair = {0, 0, 2, 4};
+  ModelKeyframes keyframes;
+  keyframes.size = 4;
+  keyframes.pair = pair;
+  std::vector<float> scores(5, 1.0F);
+  AddKeyframeSimilarity(f.model, keyframes, std::vector<float>{-0.1F, 0.25F, 0.5F, -0.5F}, scores);
+  EXPECT_THAT(scores, ::testing::ElementsAre(1.5F, 0.0F, 2.0F, 0.0F, 0.0F));
+}
+
 }  // namespace
 }  // namespace viewfix

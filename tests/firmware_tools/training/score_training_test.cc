@@ -18,10 +18,11 @@ struct Site {
   std::vector<Histogram> histograms;
   Labels labels;
   Eigen::MatrixXf gram;
+  Eigen::MatrixXf similarities;
 
   explicit Site(bool global_views) {
     std::mt19937 random(3);
-    HistogramBuilder builder(kWords, 100, HistogramMap::kHellinger);
+    HistogramBuilder builder(kWords, 100, 1, HistogramMap::kHellinger);
     labels.locations = {"a", "b", "c"};
     labels.views = {"left", "right"};
     labels.pair_location = {0, 0, 1, 1, 2, 2};
@@ -41,6 +42,7 @@ struct Site {
       labels.pair.push_back(pair);
     }
     gram = GramMatrix(histograms, kWords, 1);
+    similarities = KeyframeSimilarities(histograms, histograms, kWords, 1);
   }
 };
 
@@ -54,6 +56,14 @@ TEST(GramMatrix, IsSymmetricWithUnitDiagonal) {
   const Site site(true);
   EXPECT_EQ(site.gram, site.gram.transpose());
   EXPECT_NEAR(site.gram.diagonal().minCoeff(), 1, 1e-5);
+}
+
+TEST(KeyframeSimilarities, OrderAsDistancesDo) {
+  const Site site(true);
+  const Eigen::MatrixXf& s = site.similarities;
+  for (int k = 0; k < 60; ++k) {
+    EXPECT_NEAR(s(k, 7), site.gram(k, 7) - 0.5F, 1e-5);  // of unit histograms
+  }
 }
 
 class ScoreTraining : public ::testing::TestWithParam<bool> {};
@@ -80,7 +90,7 @@ TEST_P(ScoreTraining, HeldOutImagesAreFound) {
   const Site site(GetParam());
   const std::vector<int> fold = HeldOutBlocks(site.labels, 5);
   const std::vector<ScoreOptions> candidates = {{.c = 10}};
-  const auto results = CrossValidate(site.labels, site.gram, fold, 5, candidates, 2, {});
+  const auto results = CrossValidate(site.labels, site.gram, site.similarities, fold, 5, candidates, 2, {});
   ASSERT_EQ(results.size(), 1U);
   EXPECT_EQ(results[0].predictions.size(), 60U);
   EXPECT_GT(results[0].location_accuracy, 0.9);
