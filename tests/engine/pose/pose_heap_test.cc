@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Nothing of engine/pose allocates after construction. A program of its own: it replaces
+// malloc, which Eigen calls, and operator new.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <new>
+
+#include "engine/pose/absolute_pose.h"
+#include "engine/pose/window_adjuster.h"
+#include "tests/engine/geometry/test_cameras.h"
+#include "tests/engine/pose/pose_problem.h"
+
+namespace {
+int allocations = 0;
+}
+
+// AddressSanitizer has a malloc of its own: nothing is counted under it.
+#ifndef __SANITIZE_ADDRESS__
+constexpr bool kCounts = true;
+// glibc's own, under the name that stays when malloc is replaced.
+extern "C" void* __libc_malloc(std::size_t size);
+extern "C" void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+#else
+constexpr bool kCounts = false;
+#endif
+
+namespace viewfix {
+namespace {
+
+TEST(PoseHeap, TheCounterCounts) {
+  if (!kCounts) GTEST_SKIP() << "AddressSanitizer owns malloc";
+  const int before = allocations;
+  void* volatile memory = std::malloc(100);
+  std::free(memory);
+  int* volatile number = new int;
+  delete number;
+  EXPECT_GE(allocations, before + 2);
+}
+
+TEST(PoseHeap, EstimationRefinementAndWindowAllocateNothing) {
+  std::mt19937 random(1);
+  const PoseProblemOptions options{.num_matches = 300, .share_true = 0.5};
+  auto estimator = AbsolutePoseEstimator::Create({});
+  auto window = WindowAdjuster::Create({});
+  PoseRefinerOptions with_focal;
+  with_focal.refine_focal = true;
+  double time_s = 0;
+  for (const Camera& camera : TestCameras()) {
+    const PoseProblem problem = MakePoseProblem(camera, options, random);
+    const int before = allocations;
+    const AbsolutePose pose = estimator->Estimate(camera, problem.matches);
+    const bool refined = RefinePose(camera, problem.matches, estimator->inliers(),
+                                    pose.pose.cam_from_world, with_focal)
+                             .found;
+    const bool adjusted =
+        window->Push(time_s += 0.1, camera, problem.matches, pose.pose.cam_from_world).found;
+    EXPECT_EQ(allocations, before);
+    EXPECT_TRUE(pose.found && refined && adjusted);
+  }
+}
+
+}  // namespace
+}  // namespace viewfix
