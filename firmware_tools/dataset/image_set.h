@@ -56,7 +56,8 @@ struct ImageSet {
   std::filesystem::path FullPath(const ImageRecord& image) const { return folder / image.path; }
 };
 
-// `path`: a folder, or a CSV file. Throws ToolError naming file, line and cause: no such
+// `path`: a folder, or a CSV file. A folder without images.csv may be described by its
+// transforms.json or COLMAP model instead (pose_import.h). Throws ToolError naming file, line and cause: no such
 // folder, no `path` column, a duplicate path, a pose column missing or not finite, a
 // quaternion far from unit length, a split other than train/test, a broken calibration.
 // Files named but absent are not an error here: reading them is.
