@@ -59,9 +59,11 @@ int Nesting(std::string_view text) {
 std::vector<std::string_view> SplitAtCommas(std::string_view text) {
   std::vector<std::string_view> pieces;
   std::size_t begin = 0;
+  int nesting = 0;
   for (std::size_t i = 0; i <= text.size(); ++i) {
     const bool at_end = i == text.size();
-    if (!at_end && (text[i] != ',' || Nesting(text.substr(begin, i - begin)) > 0)) continue;
+    if (!at_end) nesting += Nesting(text.substr(i, 1));
+    if (!at_end && (text[i] != ',' || nesting > 0)) continue;
     const std::string_view piece = Trim(text.substr(begin, i - begin));
     if (!piece.empty()) pieces.push_back(piece);
     begin = i + 1;
@@ -120,7 +122,9 @@ class Document {
   // Of a value over several lines, all of it is gathered first.
   Status Continue(std::string_view more) {
     pending_.append(more).append(" ");
-    if (Nesting(pending_) > 0) return {};
+    nesting_ += Nesting(more);
+    if (nesting_ > 0) return {};
+    nesting_ = 0;
     const std::string value = std::exchange(pending_, {});
     return Store(pending_key_, Trim(value), 0);
   }
@@ -161,6 +165,7 @@ class Document {
   std::map<std::string, std::vector<std::string>> values_;
   std::string section_;      // key of the last line that is not indented
   std::string pending_;      // a value whose brackets are open yet
+  int nesting_ = 0;          // of pending_
   std::string pending_key_;  // of the last value begun
 };
 
