@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "firmware_tools/cli/commands.h"
+#include "firmware_tools/cli/set_flags.h"
 #include "firmware_tools/cli/terminal.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/evaluation/evaluate.h"
@@ -14,6 +15,7 @@ namespace {
 
 struct EvalFlags {
   std::string set;
+  std::string poses;
   std::string model;
   std::string split = "test";
   std::string unknown;
@@ -74,7 +76,7 @@ void RunEval(const EvalFlags& flags) {
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
   if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
-  const ImageSet set = LoadImageSet(flags.set);
+  const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   const Evaluation evaluation =
       Evaluate(set, *model, OptionsOf(flags), ShowProgress("evaluating"));
   std::unique_ptr<Evaluation> unknown;
@@ -105,6 +107,7 @@ void AddEval(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--unknown", flags->unknown,
                       "a set of other places: what share of it is answered");
+  AddPosesFlag(*command, flags->poses);
   command->add_option("--json", flags->json, "write every figure to this file");
   command->callback([flags] { RunEval(*flags); });
 }

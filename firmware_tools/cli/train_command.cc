@@ -6,6 +6,7 @@
 
 #include "firmware_tools/cli/commands.h"
 #include "firmware_tools/cli/feature_flags.h"
+#include "firmware_tools/cli/set_flags.h"
 #include "firmware_tools/cli/terminal.h"
 #include "firmware_tools/evaluation/check_set.h"
 #include "firmware_tools/training/trainer.h"
@@ -16,6 +17,7 @@ namespace {
 
 struct TrainFlags {
   std::string set;
+  std::string poses;
   std::string out;
   std::string views = "auto";
   std::string map = "auto";
@@ -58,7 +60,7 @@ void CheckPosesAskedFor(const TrainFlags& flags, const ImageSet& set) {
     if (image.pose) return;
   }
   throw ToolError(set.source.string() +
-                  ": --map poses needs poses (columns tx,ty,tz,qx,qy,qz,qw)");
+                  ": --map poses needs poses (columns tx,ty,tz,qx,qy,qz,qw, or --poses)");
 }
 
 // What `viewfix check` would say of labels and appearance, and what was skipped.
@@ -90,7 +92,7 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
 void RunTrain(const TrainFlags& flags) {
   const TrainOptions options = OptionsOf(flags);
   CheckCanWrite(flags.out);
-  const ImageSet set = LoadImageSet(flags.set);
+  const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   CheckPosesAskedFor(flags, set);
   const Preparation prepared = Prepare(set, options, ShowProgress);
   PrintWarnings(set, prepared, options.jobs);
@@ -135,6 +137,7 @@ void AddTrain(CLI::App& app) {
                    "auto (chosen likewise)")
       ->check(CLI::IsMember({"auto", "others", "all"}))
       ->capture_default_str();
+  AddPosesFlag(*command, flags->poses);
   AddFeatureFlags(*command, flags->options.features);
   command->add_option("--seed", flags->options.seed, "seed of the vocabulary")
       ->capture_default_str();

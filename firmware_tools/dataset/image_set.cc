@@ -12,6 +12,8 @@
 
 #include "firmware_tools/dataset/calibration_file.h"
 #include "firmware_tools/dataset/image_loader.h"
+#include "firmware_tools/dataset/pose_import.h"
+#include "firmware_tools/dataset/text_fields.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "platform/csv.h"
 
@@ -238,12 +240,6 @@ void ReadFolder(ImageSet& set) {
   for (ImageRecord& image : set.images) image.camera_idx = camera_idx;
 }
 
-std::string Number(double value) {
-  std::array<char, 32> text;
-  const auto end = std::to_chars(text.data(), text.data() + text.size(), value).ptr;
-  return {text.data(), end};
-}
-
 // The files that SaveImageSet() gives the cameras. The default's name is free for the first one
 // only where every image has a camera.
 std::vector<std::string> CameraFileNames(const ImageSet& set) {
@@ -267,7 +263,7 @@ void AddPoseColumns(std::vector<Column>& columns) {
   for (int i = 0; i < 7; ++i) {
     columns.push_back({kPoseColumns[i], [i](const ImageRecord& image) -> std::string {
                          if (!image.pose) return {};
-                         return Number(i < 3 ? image.pose->cam_in_world[i]
+                         return ExactNumber(i < 3 ? image.pose->cam_in_world[i]
                                              : image.pose->world_from_cam.coeffs()[i - 3]);
                        }});
   }
@@ -332,6 +328,8 @@ ImageSet LoadImageSet(const fs::path& path) try {
   set.source = is_folder && has_csv ? path / kCsvName : path;
   if (has_csv) {
     CsvReader(set).Read();
+  } else if (std::optional<ImageSet> posed = LoadPosedImageSet(path)) {
+    set = std::move(*posed);
   } else {
     ReadFolder(set);
   }

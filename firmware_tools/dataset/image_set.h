@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/geometry/camera.h"
+
 namespace viewfix {
 
 // The laptop side throws this, up to the command line, which prints what() on
@@ -28,7 +30,8 @@ struct Calibration {
   int width = 0;                          // pixels
   int height = 0;                         // pixels
   double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels, centres at integers
-  std::vector<double> distortion;         // OpenCV order: k1 k2 p1 p2 k3 ...
+  std::vector<double> distortion;         // OpenCV order: k1 k2 p1 p2 k3 ...; of a fisheye k1..k4
+  CameraModel model = CameraModel::kBrownConrady;  // without coefficients as good as kPinhole
 };
 
 struct ImageRecord {
@@ -53,7 +56,8 @@ struct ImageSet {
   std::filesystem::path FullPath(const ImageRecord& image) const { return folder / image.path; }
 };
 
-// `path`: a folder, or a CSV file. Throws ToolError naming file, line and cause: no such
+// `path`: a folder, or a CSV file. A folder without images.csv may be described by its
+// transforms.json or COLMAP model instead (pose_import.h). Throws ToolError naming file, line and cause: no such
 // folder, no `path` column, a duplicate path, a pose column missing or not finite, a
 // quaternion far from unit length, a split other than train/test, a broken calibration.
 // Files named but absent are not an error here: reading them is.
