@@ -15,6 +15,8 @@ namespace {
 constexpr double kDegrees = 180 / 3.14159265358979323846;
 // Below this angle between rays the sign of a depth is noise.
 constexpr double kMinAngleForDepth = 0.5 / kDegrees;
+// USAC has constants in pixels inside: it is given those of a camera of this focal length.
+constexpr double kFocal = 500;
 
 struct PreparedFrame {
   std::vector<Eigen::Vector3d> bearings;  // [keypoints]
@@ -68,8 +70,8 @@ class MotionEstimator {
     for (const FeatureMatch& match : matches_) {
       const Eigen::Vector3d& a = first_.bearings[match.first_idx];
       const Eigen::Vector3d& b = second_.bearings[match.second_idx];
-      points1.emplace_back(a.x() / a.z(), a.y() / a.z());
-      points2.emplace_back(b.x() / b.z(), b.y() / b.z());
+      points1.emplace_back(kFocal * a.x() / a.z(), kFocal * a.y() / a.z());
+      points2.emplace_back(kFocal * b.x() / b.z(), kFocal * b.y() / b.z());
     }
     cv::UsacParams params;
     params.confidence = 0.9999;
@@ -77,8 +79,8 @@ class MotionEstimator {
     params.randomGeneratorState = seed;
     params.score = cv::SCORE_METHOD_MAGSAC;
     params.loMethod = cv::LOCAL_OPTIM_SIGMA;
-    params.threshold = max_error_;
-    const cv::Matx33d k = cv::Matx33d::eye();
+    params.threshold = max_error_ * kFocal;
+    const cv::Matx33d k(kFocal, 0, 0, 0, kFocal, 0, 0, 0, 1);
     const cv::Mat essential = cv::findEssentialMat(points1, points2, k, k, cv::noArray(),
                                                    cv::noArray(), cv::noArray(), params);
     if (essential.rows != 3 || essential.cols != 3) return std::nullopt;
