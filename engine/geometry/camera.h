@@ -32,8 +32,9 @@ struct Camera {
   // integers: x' + 0.5 = (x + 0.5) * new_width / width).
   Camera ResizedTo(int new_width, int new_height) const;
 
-  // The pixel where a point of camera coordinates is seen. False: it lies behind the camera,
-  // or outside the angle where the distortion is monotonic. `jacobian`, if not null:
+  // The pixel where a point of camera coordinates is seen. False: it lies behind the camera
+  // (a fisheye sees sideways and backwards too, as far as its angle goes), or outside the angle
+  // where the distortion is monotonic. `jacobian`, if not null:
   // d pixel / d point_in_cam.
   bool Project(const Eigen::Vector3d& point_in_cam, Eigen::Vector2d& pixel,
                Eigen::Matrix<double, 2, 3>* jacobian = nullptr) const;
