@@ -2,103 +2,93 @@
 #include "firmware_tools/dataset/calibration_file.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstdint>
-#include <opencv2/core.hpp>
+#include <cstddef>
 #include <string>
 
+#include "firmware_tools/dataset/text_fields.h"
 #include "firmware_tools/dataset/tool_file.h"
+#include "platform/camera/calibration.h"
 
 namespace viewfix {
 namespace {
 
-constexpr std::size_t kMaxCalibrationBytes = 1 << 20;
+constexpr double kFilmWidthMm = 36;
 
-[[noreturn]] void Fail(const std::filesystem::path& file, const std::string& cause) {
-  throw ToolError("calibration " + file.string() + ": " + cause);
+std::size_t CoefficientsInUse(const Camera& camera) {
+  if (camera.model == CameraModel::kPinhole) return 0;
+  if (camera.model == CameraModel::kKannalaBrandt) return 4;
+  const auto last = std::find_if(camera.distortion.rbegin(), camera.distortion.rend(),
+                                 [](double k) { return k != 0; });
+  const std::ptrdiff_t used = camera.distortion.rend() - last;
+  return used <= 4 ? 4 : used == 5 ? 5 : 8;
 }
 
-cv::FileStorage Open(const std::filesystem::path& file) {
-  const std::string text = ReadTextFile(file);
-  if (text.size() > kMaxCalibrationBytes) Fail(file, "too large for a calibration");
-  if (text.find('\0') != std::string::npos) Fail(file, "not a text file");
-  try {
-    cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY);
-    if (storage.isOpened() && storage.root().isMap()) return storage;
-  } catch (const cv::Exception&) {  // its text names OpenCV's source lines, not the file's
+std::string MatrixText(const char* name, int rows, const std::vector<double>& data) {
+  std::string text = name;
+  text.append(": !!opencv-matrix\n   rows: ").append(std::to_string(rows));
+  text.append("\n   cols: ").append(std::to_string(data.size() / rows));
+  text.append("\n   dt: d\n   data: [");
+  for (std::size_t i = 0; i < data.size(); ++i) {
+    text.append(i == 0 ? " " : ", ").append(ExactNumber(data[i]));
   }
-  Fail(file, "not in OpenCV's YAML, XML or JSON format");
-}
-
-cv::Mat ReadMatrix(const cv::FileStorage& storage, const char* key,
-                   const std::filesystem::path& file) {
-  cv::Mat matrix;
-  try {
-    storage[key] >> matrix;
-    if (matrix.channels() == 1) matrix.convertTo(matrix, CV_64F);
-  } catch (const cv::Exception&) {
-    Fail(file, std::string(key) + " is not a matrix");
-  }
-  if (matrix.channels() != 1) Fail(file, std::string(key) + " is not a matrix");
-  if (!matrix.empty() && !cv::checkRange(matrix)) {
-    Fail(file, std::string(key) + " holds a number that is not finite");
-  }
-  return matrix;
-}
-
-int ReadSide(const cv::FileStorage& storage, const char* key, const std::filesystem::path& file) {
-  const cv::FileNode node = storage[key];
-  if (!node.isInt()) Fail(file, std::string("no whole number ") + key);
-  const int side = static_cast<int>(node);
-  if (side <= 0) Fail(file, std::string(key) + " is not positive");
-  return side;
-}
-
-void ReadCameraMatrix(const cv::FileStorage& storage, const std::filesystem::path& file,
-                      Calibration& calibration) {
-  const cv::Mat k = ReadMatrix(storage, "camera_matrix", file);
-  if (k.rows != 3 || k.cols != 3) Fail(file, "no 3x3 camera_matrix");
-  const auto at = [&](int row, int col) { return k.at<double>(row, col); };
-  if (at(0, 1) != 0 || at(1, 0) != 0 || at(2, 0) != 0 || at(2, 1) != 0 || at(2, 2) != 1) {
-    Fail(file, "camera_matrix is not of the form [fx 0 cx; 0 fy cy; 0 0 1]");
-  }
-  calibration.fx = at(0, 0);
-  calibration.fy = at(1, 1);
-  calibration.cx = at(0, 2);
-  calibration.cy = at(1, 2);
-  if (!(calibration.fx > 0 && calibration.fy > 0)) Fail(file, "a focal length is not positive");
+  return text.append(" ]\n");
 }
 
 }  // namespace
 
 Calibration LoadCalibration(const std::filesystem::path& file) {
-  const cv::FileStorage storage = Open(file);
-  Calibration calibration;
-  calibration.width = ReadSide(storage, "image_width", file);
-  calibration.height = ReadSide(storage, "image_height", file);
-  ReadCameraMatrix(storage, file, calibration);
-  const cv::Mat distortion = ReadMatrix(storage, "distortion_coefficients", file);
-  constexpr std::array<std::size_t, 6> kSizes = {0, 4, 5, 8, 12, 14};
-  if (std::find(kSizes.begin(), kSizes.end(), distortion.total()) == kSizes.end()) {
-    Fail(file, "distortion_coefficients are not 4, 5, 8, 12 or 14 numbers");
+  const std::string text = ReadTextFile(file);
+  const Result<Camera> camera = ParseCalibration(text);
+  if (!camera.ok()) {
+    throw ToolError("calibration " + file.string() + ": " + Describe(camera.status()));
   }
-  if (!distortion.empty()) {  // an empty matrix has no iterators
-    calibration.distortion.assign(distortion.begin<double>(), distortion.end<double>());
-  }
-  return calibration;
+  return ToCalibration(*camera);
 }
 
 void SaveCalibration(const Calibration& calibration, const std::filesystem::path& file) {
-  cv::FileStorage storage(".yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY);
-  storage << "image_width" << calibration.width << "image_height" << calibration.height;
-  storage << "camera_matrix"
-          << cv::Mat(cv::Matx33d(calibration.fx, 0, calibration.cx, 0, calibration.fy,
-                                 calibration.cy, 0, 0, 1));
+  std::string text = "%YAML:1.0\n---\nimage_width: ";
+  text.append(std::to_string(calibration.width)).append("\nimage_height: ");
+  text.append(std::to_string(calibration.height)).append("\n");
+  text += MatrixText("camera_matrix", 3,
+                     {calibration.fx, 0, calibration.cx, 0, calibration.fy, calibration.cy, 0, 0, 1});
+  if (calibration.model == CameraModel::kKannalaBrandt) text += "distortion_model: equidistant\n";
   if (!calibration.distortion.empty()) {
-    storage << "distortion_coefficients" << cv::Mat(calibration.distortion, true).reshape(1, 1);
+    text += MatrixText("distortion_coefficients", 1, calibration.distortion);
   }
-  WriteTextFile(file, storage.releaseAndGetString());
+  WriteTextFile(file, text);
+}
+
+Camera ToCamera(const Calibration& from) {
+  Camera camera{from.model, from.width, from.height, from.fx, from.fy, from.cx, from.cy, {}};
+  const std::size_t count = std::min(from.distortion.size(), camera.distortion.size());
+  std::copy_n(from.distortion.begin(), count, camera.distortion.begin());
+  return camera;
+}
+
+Calibration ToCalibration(const Camera& from) {
+  Calibration to{from.width, from.height, from.fx, from.fy, from.cx, from.cy, {}, from.model};
+  to.distortion.assign(from.distortion.begin(),
+                       from.distortion.begin() + std::ptrdiff_t(CoefficientsInUse(from)));
+  return to;
+}
+
+std::optional<Calibration> CalibrationFromExif(const ExifInfo& exif, int width, int height) {
+  if (!exif.focal_length_35mm || !(*exif.focal_length_35mm > 0)) return std::nullopt;
+  Calibration calibration;
+  calibration.width = width;
+  calibration.height = height;
+  calibration.fx = calibration.fy =
+      *exif.focal_length_35mm / kFilmWidthMm * std::max(width, height);
+  calibration.cx = (width - 1) / 2.0;
+  calibration.cy = (height - 1) / 2.0;
+  calibration.model = CameraModel::kPinhole;
+  return calibration;
+}
+
+std::optional<Calibration> CalibrationOf(const ImageSet& set, const ImageRecord& image,
+                                         const ExifInfo& exif, int width, int height) {
+  if (image.camera_idx >= 0) return set.cameras.at(image.camera_idx);
+  return CalibrationFromExif(exif, width, height);
 }
 
 }  // namespace viewfix

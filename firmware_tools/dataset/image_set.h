@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "engine/geometry/camera.h"
+
 namespace viewfix {
 
 // The laptop side throws this, up to the command line, which prints what() on
@@ -28,7 +30,8 @@ struct Calibration {
   int width = 0;                          // pixels
   int height = 0;                         // pixels
   double fx = 0, fy = 0, cx = 0, cy = 0;  // pixels, centres at integers
-  std::vector<double> distortion;         // OpenCV order: k1 k2 p1 p2 k3 ...
+  std::vector<double> distortion;         // OpenCV order: k1 k2 p1 p2 k3 ...; of a fisheye k1..k4
+  CameraModel model = CameraModel::kBrownConrady;  // without coefficients as good as kPinhole
 };
 
 struct ImageRecord {
