@@ -2,6 +2,9 @@
 #include "engine/localizer.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <optional>
 #include <utility>
 
 #include "engine/base/exp.h"
@@ -40,6 +43,56 @@ Status CheckImage(const ImageView& image) {
   return {};
 }
 
+// Keyframes whose landmarks a frame is matched with: those of the first few places that the
+// scores name.
+constexpr int kPromisingKeyframes = 20;
+
+// So many agreeing landmarks are as often wrong as right.
+constexpr float kDoubtfulInliers = 3;
+
+float Milliseconds(std::int64_t nanoseconds) { return static_cast<float>(nanoseconds) * 1e-6F; }
+
+// Images of the same shape: their sides have one ratio, to the rounding of a resize.
+bool SameShape(const Camera& camera, int width, int height) {
+  const double expected = static_cast<double>(camera.height) * width / camera.width;
+  return std::abs(expected - height) <= 0.01 * height + 1;
+}
+
+Status CheckPrior(const Prior& prior, const ImageView& image) {
+  if (prior.camera == nullptr) return {};
+  if (Status status = prior.camera->Validate(); !status.ok()) return status;
+  if (!SameShape(*prior.camera, image.width, image.height)) {
+    return {StatusCode::kInvalidArgument, "image and camera calibration differ in shape"};
+  }
+  return {};
+}
+
+Camera ModelsCamera(const ModelCamera& m) {
+  Camera camera;
+  if (m.width == 0) return camera;
+  camera.model = static_cast<CameraModel>(m.model);
+  camera.width = m.width;
+  camera.height = m.height;
+  camera.fx = m.intrinsics[0];
+  camera.fy = m.intrinsics[1];
+  camera.cx = m.intrinsics[2];
+  camera.cy = m.intrinsics[3];
+  std::copy(m.distortion.begin(), m.distortion.end(), camera.distortion.begin());
+  return camera;
+}
+
+// A camera of whose lens nothing is known, with the focal length, by its longer side, of another.
+Camera GuessCamera(const Camera& like, int width, int height) {
+  Camera camera;
+  camera.width = width;
+  camera.height = height;
+  camera.fx = like.fx * std::max(width, height) / std::max(like.width, like.height);
+  camera.fy = camera.fx;
+  camera.cx = 0.5 * (width - 1);
+  camera.cy = 0.5 * (height - 1);
+  return camera;
+}
+
 }  // namespace
 
 const char* ReasonName(Reason reason) {
@@ -50,13 +103,15 @@ const char* ReasonName(Reason reason) {
       return "unknown_place";
     case kAmbiguous:
       return "ambiguous";
+    case kLowInliers:
+      return "low_inliers";
   }
   return "";
 }
 
 struct Localizer::State {
   State(const ModelView& model_view, const LocalizerOptions& localizer_options,
-        std::unique_ptr<FeatureExtractor> feature_extractor)
+        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder)
       : model(model_view),
         options(localizer_options),
         extractor(std::move(feature_extractor)),
@@ -72,7 +127,11 @@ struct Localizer::State {
         location_scores(model.scoring().num_locations),
         retrieval(model.keyframes(), model.scoring().histogram_map, vocabulary.size(),
                   model.scoring().num_pairs),
-        keyframe_similarities(model.keyframes().size) {}
+        keyframe_similarities(model.keyframes().size),
+        model_camera(ModelsCamera(model.camera())),
+        pose_finder(std::move(finder)) {
+    keyframe_order.reserve(model.keyframes().size);
+  }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
 
@@ -81,6 +140,13 @@ struct Localizer::State {
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
   void Decide(Fix& fix) const;
+  std::span<const int> PromisingKeyframes();
+  void ChooseCamera(const Prior& prior, int width, int height);
+  bool Track(const Prior& prior, Fix& fix);
+  void FindPose(Fix& fix);
+  void TakePose(const FoundPose& found, Fix& fix) const;
+  void LocateByScore(Fix& fix);
+  void ClearScores();
 
   ModelView model;
   LocalizerOptions options;
@@ -96,6 +162,12 @@ struct Localizer::State {
   std::vector<float> location_scores;
   Retrieval retrieval;
   std::vector<float> keyframe_similarities;
+  Camera model_camera;
+  std::optional<PoseFinder> pose_finder;  // where the model has landmarks
+  std::vector<int> keyframe_order;
+  // Of the frame at hand, at the size that features are found in.
+  Camera camera;
+  bool refine_focal = false;
 };
 
 // Equation (5) and the keyframes' similarities, then the location by the model's rule, its
@@ -158,6 +230,89 @@ void Localizer::State::Decide(Fix& fix) const {
   if (!fix.localized) fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
 }
 
+// Keyframes by their pair's score and their own similarity, best first: the rule that chooses
+// the location, applied to each.
+std::span<const int> Localizer::State::PromisingKeyframes() {
+  const float weight = model.scoring().keyframe_weight;
+  const auto promise = [&](int k) {
+    return pair_scores[model.keyframes().pair[k]] + weight * keyframe_similarities[k];
+  };
+  keyframe_order.resize(model.keyframes().size);
+  std::iota(keyframe_order.begin(), keyframe_order.end(), 0);
+  const auto cut = keyframe_order.begin() +
+                   std::min<std::ptrdiff_t>(kPromisingKeyframes, std::ssize(keyframe_order));
+  std::partial_sort(keyframe_order.begin(), cut, keyframe_order.end(), [&](int a, int b) {
+    const float promise_a = promise(a);
+    const float promise_b = promise(b);
+    return promise_a != promise_b ? promise_a > promise_b : a < b;
+  });
+  return {keyframe_order.begin(), cut};
+}
+
+void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
+  const Camera& known = prior.camera != nullptr ? *prior.camera : model_camera;
+  refine_focal = !SameShape(known, width, height);
+  camera = refine_focal ? GuessCamera(known, width, height) : known.ResizedTo(width, height);
+}
+
+void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
+  fix.localized = true;
+  fix.has_pose = true;
+  fix.map_idx = found.map_idx;
+  fix.world_from_cam = Inverse(found.pose.cam_from_world);
+  fix.covariance = found.pose.covariance;
+  fix.num_inliers = found.num_inliers;
+  fix.keyframe_idx = found.keyframe_idx;
+  fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
+  fix.location_idx = model.scoring().pair_location[fix.pair_idx];
+  const auto inliers = static_cast<float>(found.num_inliers);
+  fix.confidence = inliers / (inliers + kDoubtfulInliers);
+}
+
+// Whether the frame was found where it was expected.
+bool Localizer::State::Track(const Prior& prior, Fix& fix) {
+  if (!pose_finder || prior.cam_from_world == nullptr) return false;
+  const FoundPose found = pose_finder->FindNear(features, camera, refine_focal, prior.map_idx,
+                                                *prior.cam_from_world);
+  if (!found.found) return false;
+  ClearScores();
+  TakePose(found, fix);
+  return true;
+}
+
+// What the landmarks say decides. Where the guess is a place without landmarks, the scores'
+// word stands.
+void Localizer::State::FindPose(Fix& fix) {
+  const FoundPose found =
+      pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
+  if (found.found) {
+    TakePose(found, fix);
+    fix.reasons = 0;
+    return;
+  }
+  fix.num_inliers = found.num_inliers;
+  const auto& begin = model.keyframes().landmark_begin;
+  const bool has_landmarks = fix.keyframe_idx >= 0 &&
+                             begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
+  if (!has_landmarks) return;
+  fix.localized = false;
+  fix.reasons |= kLowInliers;
+  const auto inliers = static_cast<float>(found.num_inliers);
+  fix.confidence = std::min(fix.confidence, inliers / (inliers + kDoubtfulInliers));
+}
+
+void Localizer::State::LocateByScore(Fix& fix) {
+  Score(fix);
+  FindRivals(fix);
+  Decide(fix);
+}
+
+void Localizer::State::ClearScores() {
+  std::fill(pair_scores.begin(), pair_scores.end(), 0.0F);
+  std::fill(location_scores.begin(), location_scores.end(), 0.0F);
+  std::fill(keyframe_similarities.begin(), keyframe_similarities.end(), 0.0F);
+}
+
 Localizer::Localizer(std::unique_ptr<State> state) : state_(std::move(state)) {}
 Localizer::Localizer(Localizer&&) noexcept = default;
 Localizer& Localizer::operator=(Localizer&&) noexcept = default;
@@ -171,34 +326,45 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
     extractor = std::move(*created);
   }
   if (Status status = CheckExtractor(model.features(), *extractor); !status.ok()) return status;
-  return Localizer(std::make_unique<State>(model, options, std::move(extractor)));
+  std::optional<PoseFinder> finder;
+  if (model.has_landmarks()) {
+    if (Status status = ModelsCamera(model.camera()).Validate(); !status.ok()) return status;
+    auto created = PoseFinder::Create(model, options.pose);
+    if (!created.ok()) return created.status();
+    finder.emplace(std::move(*created));
+  }
+  return Localizer(
+      std::make_unique<State>(model, options, std::move(extractor), std::move(finder)));
 }
 
-Result<Fix> Localizer::Localize(const ImageView& image, const Prior& /*prior*/) {
+Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
   if (Status status = CheckImage(image); !status.ok()) return status;
+  if (Status status = CheckPrior(prior, image); !status.ok()) return status;
   State& s = *state_;
   Fix fix;
   const std::int64_t start = s.Now();
-  if (Status status = s.extractor->Extract(s.shrink.ShrinkToSide(image), s.features);
-      !status.ok()) {
-    return status;
-  }
-  const std::int64_t extracted = s.Now();
+  const ImageView small = s.shrink.ShrinkToSide(image);
+  if (Status status = s.extractor->Extract(small, s.features); !status.ok()) return status;
+  std::int64_t now = s.Now();
+  fix.ms.features = Milliseconds(now - start);
   fix.num_features = s.features.size();
   if (fix.num_features < kMinFeatures) {
     fix.reasons |= kTooFewFeatures;
-    std::fill(s.pair_scores.begin(), s.pair_scores.end(), 0.0F);
-    std::fill(s.location_scores.begin(), s.location_scores.end(), 0.0F);
-    std::fill(s.keyframe_similarities.begin(), s.keyframe_similarities.end(), 0.0F);
+    s.ClearScores();
   } else {
-    s.Score(fix);
-    s.FindRivals(fix);
-    s.Decide(fix);
+    s.ChooseCamera(prior, small.width, small.height);
+    const bool tracked = s.Track(prior, fix);
+    fix.ms.pose = Milliseconds(s.Now() - now);
+    now = s.Now();
+    if (!tracked) {
+      s.LocateByScore(fix);
+      fix.ms.score = Milliseconds(s.Now() - now);
+      now = s.Now();
+      if (s.pose_finder) s.FindPose(fix);
+      fix.ms.pose += Milliseconds(s.Now() - now);
+    }
   }
-  const std::int64_t end = s.Now();
-  fix.ms.features = static_cast<float>(extracted - start) * 1e-6F;
-  fix.ms.score = static_cast<float>(end - extracted) * 1e-6F;
-  fix.ms.total = static_cast<float>(end - start) * 1e-6F;
+  fix.ms.total = Milliseconds(s.Now() - start);
   return fix;
 }
 

@@ -8,7 +8,10 @@
 
 #include "engine/base/status.h"
 #include "engine/features/feature_extractor.h"
+#include "engine/geometry/camera.h"
+#include "engine/geometry/rigid3.h"
 #include "engine/image/image_view.h"
+#include "engine/pose/pose_finder.h"
 #include "engine/vocabulary/vocabulary.h"
 #include "models/model_view.h"
 
@@ -22,10 +25,11 @@ enum Reason : std::uint32_t {
   kTooFewFeatures = 1U << 0,
   kUnknownPlace = 1U << 1,
   kAmbiguous = 1U << 2,
+  kLowInliers = 1U << 3,
 };
 // "too_few_features", ...: the names used in JSON.
 const char* ReasonName(Reason reason);
-inline constexpr Reason kAllReasons[] = {kTooFewFeatures, kUnknownPlace, kAmbiguous};
+inline constexpr Reason kAllReasons[] = {kTooFewFeatures, kUnknownPlace, kAmbiguous, kLowInliers};
 
 // Milliseconds by stage; zero when the options carry no clock.
 struct StageTimes {
@@ -46,6 +50,13 @@ struct Fix {
   int pair_idx = -1;      // (location, view)
   int keyframe_idx = -1;  // nearest by histogram inside the pair
   float confidence = 0;   // 0..1, probability that the location is right
+  // Where the camera stands; only if this very frame was localized against landmarks.
+  bool has_pose = false;
+  int map_idx = -1;  // of the model's maps; each has its own frame of reference
+  Rigid3 world_from_cam;
+  // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  int num_inliers = 0;  // landmarks that agree with the pose
   float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;       // best location's score, keyframes counted in, less the best other's
   int num_rivals = 0;     // other locations close to the best, best first
@@ -58,12 +69,21 @@ struct LocalizerOptions {
   // Nanoseconds of a monotonic clock, for StageTimes; null: not measured. The engine
   // itself has no clock, and no result depends on this one.
   std::int64_t (*now_ns)() = nullptr;
+  PoseFinderOptions pose;
   // A location counts as a rival when its score is within this of the best.
   float rival_margin = 0.25F;
 };
 
-// What a caller knows before looking. Nothing yet: the place for the last pose.
-struct Prior {};
+// What a caller knows before looking.
+struct Prior {
+  // The camera, at the size of the image given or any of the same shape; null: the model's
+  // own if the image has its shape, else a guess whose focal length is refined with the pose.
+  const Camera* camera = nullptr;
+  // Where the camera should stand, as predicted from the frames before: tried first. Null:
+  // nothing is known.
+  const Rigid3* cam_from_world = nullptr;
+  int map_idx = 0;  // the map that cam_from_world is of
+};
 
 // The engine. Create() checks and allocates everything; Localize() allocates nothing,
 // bounds every loop and is deterministic. One instance serves one thread.
@@ -79,7 +99,8 @@ class Localizer {
   ~Localizer();
 
   // Where `image` was taken. Not knowing is an answer (Fix::localized == false, with
-  // reasons). Errors: an empty view, or one larger than kMaxImageSide / kMaxImagePixels.
+  // reasons). Errors: an empty view, one larger than kMaxImageSide / kMaxImagePixels, or a
+  // prior camera that is not valid or has another shape than the image.
   Result<Fix> Localize(const ImageView& image, const Prior& prior = {});
 
   // Of the last Localize(): the score of every (location, view) pair, eq. (5) alone; the score

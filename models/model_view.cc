@@ -30,8 +30,9 @@ std::span<const T> Span(const flatbuffers::Vector<T>* vector) {
   return vector == nullptr ? std::span<const T>() : std::span<const T>(vector->data(), vector->size());
 }
 
-bool AllFinite(std::span<const float> values) {
-  return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
+template <typename T>
+bool AllFinite(std::span<const T> values) {
+  return std::all_of(values.begin(), values.end(), [](T v) { return std::isfinite(v); });
 }
 
 const fb::Model* Root(std::span<const std::uint8_t> file) {
@@ -125,7 +126,8 @@ Status ModelView::Load() {
   using Loader = Status (ModelView::*)();
   for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
                             &ModelView::LoadScoring, &ModelView::LoadConfidence,
-                            &ModelView::LoadKeyframes}) {
+                            &ModelView::LoadKeyframes, &ModelView::LoadCamera,
+                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -220,7 +222,8 @@ Status ModelView::LoadKeyframes() {
   const fb::Keyframes* f = Root(bytes_)->keyframes();
   const std::size_t size = Span(f->pair()).size();
   keyframes_ = {static_cast<int>(size), Span(f->pair()),     Span(f->word_begin()), Span(f->words()),
-                Span(f->counts()),      Span(f->has_pose()), Span(f->pose())};
+                Span(f->counts()),      Span(f->has_pose()), Span(f->pose()),
+                Span(f->landmark_begin()), Span(f->landmarks())};
   const ModelKeyframes& k = keyframes_;
   const bool sizes = k.word_begin.size() == size + 1 && k.counts.size() == k.words.size() &&
                      k.has_pose.size() == size && k.pose.size() == size * 7;
@@ -241,6 +244,86 @@ Status ModelView::LoadKeyframes() {
     if (!valid) return Corrupt("model's keyframe is broken");
   }
   return {};
+}
+
+Status ModelView::LoadCamera() {
+  const fb::Camera* c = Root(bytes_)->camera();
+  if (c == nullptr) return {};
+  camera_ = {c->model(), c->width(), c->height(), Span(c->intrinsics()), Span(c->distortion())};
+  const bool valid = camera_.width >= 1 && camera_.height >= 1 && camera_.intrinsics.size() == 4 &&
+                     camera_.distortion.size() == 8 && AllFinite(camera_.intrinsics) &&
+                     AllFinite(camera_.distortion) && camera_.intrinsics[0] > 0 &&
+                     camera_.intrinsics[1] > 0;
+  return valid ? Status() : Corrupt("model's camera is out of range");
+}
+
+Status ModelView::LoadLandmarks() {
+  const fb::Landmarks* l = Root(bytes_)->landmarks();
+  if (l == nullptr) return {};
+  const std::size_t size = Span(l->laplacian_sign()).size();
+  const std::size_t maps = Span(l->map_step()).size();
+  landmarks_ = {static_cast<int>(size),
+                static_cast<int>(maps),
+                Span(l->map_begin()),
+                Span(l->map_origin()),
+                Span(l->map_step()),
+                Span(l->position()),
+                Span(l->descriptors()),
+                Span(l->laplacian_sign()),
+                l->pixel_sigma()};
+  const ModelLandmarks& m = landmarks_;
+  const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
+                     m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
+                     m.position.size() == 3 * size &&
+                     m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
+                     m.map_begin.front() == 0 && m.map_begin.back() == size;
+  if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
+  if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
+    return Corrupt("model's landmarks hold a number that is out of range");
+  }
+  for (std::size_t i = 0; i < maps; ++i) {
+    if (m.map_begin[i] > m.map_begin[i + 1] || !std::isfinite(m.map_step[i]) ||
+        m.map_step[i] <= 0) {
+      return Corrupt("model's map is broken");
+    }
+  }
+  return {};
+}
+
+Status ModelView::LoadKeyframeLandmarks() {
+  const ModelKeyframes& k = keyframes_;
+  if (landmarks_.size == 0) {
+    return k.landmarks.empty() && k.landmark_begin.empty()
+               ? Status()
+               : Corrupt("model's keyframes see landmarks that it lacks");
+  }
+  if (k.landmark_begin.size() != std::size_t(k.size) + 1 || k.landmark_begin.front() != 0 ||
+      k.landmark_begin.back() != k.landmarks.size()) {
+    return Corrupt("model's keyframe landmarks have wrong sizes");
+  }
+  for (int i = 0; i < k.size; ++i) {
+    const std::uint32_t begin = k.landmark_begin[i];
+    const std::uint32_t end = k.landmark_begin[i + 1];
+    if (begin > end || end > k.landmarks.size() || (begin < end && k.has_pose[i] == 0)) {
+      return Corrupt("model's keyframe landmarks are broken");
+    }
+    for (std::uint32_t j = begin; j < end; ++j) {
+      const bool ascending = j == begin || k.landmarks[j] > k.landmarks[j - 1];
+      if (!ascending || k.landmarks[j] >= static_cast<std::uint32_t>(landmarks_.size)) {
+        return Corrupt("model's keyframe landmarks are broken");
+      }
+    }
+    if (begin < end && MapOf(k.landmarks[begin]) != MapOf(k.landmarks[end - 1])) {
+      return Corrupt("model's keyframe sees landmarks of two maps");
+    }
+  }
+  return {};
+}
+
+int ModelView::MapOf(std::uint32_t landmark_idx) const {
+  const auto& begin = landmarks_.map_begin;
+  const auto next = std::upper_bound(begin.begin(), begin.end(), landmark_idx);
+  return static_cast<int>(next - begin.begin()) - 1;
 }
 
 std::string_view ModelView::location_name(int location_idx) const {

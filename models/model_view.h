@@ -24,6 +24,7 @@ inline constexpr std::size_t kModelHashOffset = 32;
 inline constexpr std::size_t kModelHashBytes = 32;
 
 inline constexpr int kMaxWordsPerFeature = 4;
+inline constexpr int kMaxLandmarks = 1 << 24;
 
 // Values are stored in models: do not change them.
 enum class HistogramMap : std::uint8_t { kL1 = 1, kHellinger = 2 };
@@ -75,6 +76,28 @@ struct ModelKeyframes {
   std::span<const std::uint8_t> counts;
   std::span<const std::uint8_t> has_pose;     // [size]
   std::span<const float> pose;                // [size, 7] tx ty tz qx qy qz qw
+  std::span<const std::uint32_t> landmark_begin;  // [size + 1]; empty where no landmarks are
+  std::span<const std::uint32_t> landmarks;
+};
+
+struct ModelCamera {
+  std::uint8_t model = 0;
+  int width = 0;
+  int height = 0;
+  std::span<const double> intrinsics;  // [4] fx fy cx cy
+  std::span<const double> distortion;  // [8]
+};
+
+struct ModelLandmarks {
+  int size = 0;
+  int num_maps = 0;
+  std::span<const std::uint32_t> map_begin;      // [maps + 1]
+  std::span<const float> map_origin;             // [maps, 3]
+  std::span<const float> map_step;               // [maps]
+  std::span<const std::int16_t> position;        // [size, 3]
+  std::span<const std::int8_t> descriptors;      // [size, dim]
+  std::span<const std::int8_t> laplacian_sign;   // [size]
+  float pixel_sigma = 1;
 };
 
 // A model file, opened over borrowed bytes. Everything is checked once, in Open();
@@ -91,8 +114,14 @@ class ModelView {
   const ModelScoring& scoring() const { return scoring_; }
   const ModelConfidence& confidence() const { return confidence_; }
   const ModelKeyframes& keyframes() const { return keyframes_; }
+  bool has_landmarks() const { return landmarks_.size > 0; }
+  const ModelCamera& camera() const { return camera_; }           // where landmarks are
+  const ModelLandmarks& landmarks() const { return landmarks_; }  // none: size 0
   bool metric() const { return metric_; }
   std::string_view record() const { return record_; }  // JSON
+
+  // The map that a landmark is of.
+  int MapOf(std::uint32_t landmark_idx) const;
 
   std::string_view location_name(int location_idx) const;
   std::string_view view_name(int view_idx) const;
@@ -111,6 +140,9 @@ class ModelView {
   Status LoadScoring();
   Status LoadConfidence();
   Status LoadKeyframes();
+  Status LoadCamera();
+  Status LoadLandmarks();
+  Status LoadKeyframeLandmarks();
 
   std::span<const std::uint8_t> bytes_;
   ModelFeatures features_;
@@ -118,6 +150,8 @@ class ModelView {
   ModelScoring scoring_;
   ModelConfidence confidence_;
   ModelKeyframes keyframes_;
+  ModelCamera camera_;
+  ModelLandmarks landmarks_;
   bool metric_ = false;
   std::string_view record_;
 };

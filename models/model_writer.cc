@@ -9,6 +9,33 @@
 namespace viewfix {
 namespace {
 
+template <typename T, std::size_t N>
+std::vector<T> Flat(const std::vector<std::array<T, N>>& rows) {
+  std::vector<T> flat;
+  for (const auto& row : rows) flat.insert(flat.end(), row.begin(), row.end());
+  return flat;
+}
+
+flatbuffers::Offset<fb::Camera> BuildCamera(flatbuffers::FlatBufferBuilder& b,
+                                            const ModelData::CameraData& c) {
+  const auto intrinsics = b.CreateVector(c.intrinsics.data(), c.intrinsics.size());
+  const auto distortion = b.CreateVector(c.distortion.data(), c.distortion.size());
+  return fb::CreateCamera(b, c.model, static_cast<std::uint16_t>(c.width),
+                          static_cast<std::uint16_t>(c.height), intrinsics, distortion);
+}
+
+flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder& b,
+                                                  const ModelData& d) {
+  const auto map_begin = b.CreateVector(d.map_begin);
+  const auto map_origin = b.CreateVector(Flat(d.map_origin));
+  const auto map_step = b.CreateVector(d.map_step);
+  const auto position = b.CreateVector(Flat(d.landmark_position));
+  const auto descriptors = b.CreateVector(d.landmark_descriptors);
+  const auto sign = b.CreateVector(d.landmark_laplacian_sign);
+  return fb::CreateLandmarks(b, map_begin, map_origin, map_step, position, descriptors, sign,
+                             d.pixel_sigma);
+}
+
 // Everything is written, defaults too: a reader then sees each stated value.
 flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, const ModelData& d) {
   const ModelFeatures& f = d.features;
@@ -34,17 +61,24 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
                         pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
   const auto confidence =
       fb::CreateConfidence(b, d.confidence.offset, d.confidence.slope, d.confidence.threshold);
-  std::vector<float> poses;
-  for (const auto& pose : d.keyframe_pose) poses.insert(poses.end(), pose.begin(), pose.end());
   const auto pair = b.CreateVector(d.keyframe_pair);
   const auto word_begin = b.CreateVector(d.keyframe_word_begin);
   const auto words = b.CreateVector(d.keyframe_words);
   const auto counts = b.CreateVector(d.keyframe_counts);
   const auto has_pose = b.CreateVector(d.keyframe_has_pose);
-  const auto pose = b.CreateVector(poses);
-  const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, counts, has_pose, pose);
-  return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric,
-                         b.CreateString(d.record));
+  const auto pose = b.CreateVector(Flat(d.keyframe_pose));
+  const auto landmark_begin = b.CreateVector(d.keyframe_landmark_begin);
+  const auto landmarks = b.CreateVector(d.keyframe_landmarks);
+  const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, counts, has_pose, pose,
+                                             landmark_begin, landmarks);
+  flatbuffers::Offset<fb::Camera> camera = 0;
+  flatbuffers::Offset<fb::Landmarks> map = 0;
+  if (!d.landmark_position.empty()) {
+    camera = BuildCamera(b, d.camera);
+    map = BuildLandmarks(b, d);
+  }
+  return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
+                         map, b.CreateString(d.record));
 }
 
 template <typename T>

@@ -34,6 +34,23 @@ struct ModelData {
   std::vector<std::uint8_t> keyframe_counts;
   std::vector<std::uint8_t> keyframe_has_pose;
   std::vector<std::array<float, 7>> keyframe_pose;  // tx ty tz qx qy qz qw
+  // Where landmarks are; empty vectors: none.
+  struct CameraData {
+    std::uint8_t model = 0;
+    int width = 0;
+    int height = 0;
+    std::array<double, 4> intrinsics{};
+    std::array<double, 8> distortion{};
+  } camera;
+  std::vector<std::uint32_t> keyframe_landmark_begin;
+  std::vector<std::uint32_t> keyframe_landmarks;
+  std::vector<std::uint32_t> map_begin;
+  std::vector<std::array<float, 3>> map_origin;
+  std::vector<float> map_step;
+  std::vector<std::array<std::int16_t, 3>> landmark_position;
+  std::vector<std::int8_t> landmark_descriptors;  // [landmarks, features.descriptor_dim]
+  std::vector<std::int8_t> landmark_laplacian_sign;
+  float pixel_sigma = 1;
   bool metric = false;
   std::string record;
 };

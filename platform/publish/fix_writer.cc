@@ -2,6 +2,7 @@
 #include "platform/publish/fix_writer.h"
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 
 namespace viewfix {
@@ -57,9 +58,10 @@ std::string_view FixWriter::Write(const FrameTimes& times, const Fix& fix) {
   Times(times);
   Answer(fix);
   Rivals(fix);
-  line_.Raw(",\"inliers\":0");
+  line_.Raw(",\"inliers\":");
+  line_.Integer(fix.num_inliers);
   Keyframe(fix);
-  line_.Raw(",\"pose\":null");
+  Pose(fix);
   Reasons(fix);
   StageMs(fix.ms);
   line_.Raw("}\n");
@@ -122,12 +124,37 @@ void FixWriter::KeyframePose(int keyframe_idx) {
   const ModelKeyframes& keyframes = model_.keyframes();
   if (keyframes.has_pose[keyframe_idx] == 0) return line_.Raw("null");
   const std::span<const float> pose = keyframes.pose.subspan(std::size_t(keyframe_idx) * 7, 7);
-  line_.Raw("{\"frame\":\"world_from_cam\",\"map\":0,\"metric\":");
+  const auto& begin = keyframes.landmark_begin;
+  const bool mapped = !begin.empty() && begin[keyframe_idx] < begin[std::size_t(keyframe_idx) + 1];
+  PoseIn(mapped ? model_.MapOf(keyframes.landmarks[begin[keyframe_idx]]) : 0, pose.first(3),
+         pose.last(4));
+  line_.Raw("}");
+}
+
+void FixWriter::PoseIn(int map_idx, std::span<const float> t, std::span<const float> q_xyzw) {
+  line_.Raw("{\"frame\":\"world_from_cam\",\"map\":");
+  line_.Integer(map_idx);
+  line_.Raw(",\"metric\":");
   line_.Raw(model_.metric() ? "true" : "false");
   line_.Raw(",\"t\":");
-  AppendFloats(pose.first(3), line_);
+  AppendFloats(t, line_);
   line_.Raw(",\"q_xyzw\":");
-  AppendFloats(pose.last(4), line_);
+  AppendFloats(q_xyzw, line_);
+}
+
+void FixWriter::Pose(const Fix& fix) {
+  line_.Raw(",\"pose\":");
+  if (!fix.has_pose) return line_.Raw("null");
+  const auto t = fix.world_from_cam.translation.cast<float>().eval();
+  const auto q = fix.world_from_cam.rotation.coeffs().cast<float>().eval();  // x y z w
+  PoseIn(fix.map_idx, {t.data(), 3}, {q.data(), 4});
+  std::array<float, 21> covariance;
+  auto next = covariance.begin();
+  for (int row = 0; row < 6; ++row) {
+    for (int col = row; col < 6; ++col) *next++ = static_cast<float>(fix.covariance(row, col));
+  }
+  line_.Raw(",\"covariance\":");
+  AppendFloats(covariance, line_);
   line_.Raw("}");
 }
 

@@ -1,0 +1,444 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "engine/pose/pose_finder.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "engine/matching/descriptor_matcher.h"
+#include "engine/matching/feature_grid.h"
+#include "engine/pose/absolute_pose.h"
+
+namespace viewfix {
+namespace {
+
+// A pose begun with fewer agreeing matches than this is not worth growing.
+constexpr int kMinStart = 6;
+// So many times min_inliers end the search among groups.
+constexpr int kCertainTimes = 3;
+// Keyframes whose landmarks are looked for around a pose.
+constexpr int kNeighbours = 12;
+// Keyframes of a group must share so many landmarks with it.
+constexpr int kMinShared = 3;
+// Rounds of guided matching; the radius shrinks to kFinalRadiusSigma after the first.
+constexpr int kRounds = 3;
+constexpr double kFinalRadiusSigma = 5;
+constexpr double kInlierSigma = 3.5;
+
+std::int32_t SquaredDistance(const std::int8_t* a, const std::int8_t* b, int dim) {
+  std::int32_t sum = 0;
+  for (int i = 0; i < dim; ++i) {
+    const std::int32_t difference = std::int32_t{a[i]} - b[i];
+    sum += difference * difference;
+  }
+  return sum;
+}
+
+// How unlike two views are: squared metres, and a square metre for every 30 degrees or so
+// between the optical axes.
+double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b) {
+  const Eigen::Vector3d axis_a = world_from_a.rotation * Eigen::Vector3d::UnitZ();
+  const Eigen::Vector3d axis_b = world_from_b.rotation * Eigen::Vector3d::UnitZ();
+  return (world_from_a.translation - world_from_b.translation).squaredNorm() +
+         8 * (1 - axis_a.dot(axis_b));
+}
+
+}  // namespace
+
+Status PoseFinderOptions::Validate() const {
+  const bool valid = max_landmarks >= 64 && max_landmarks <= 65536 && max_groups >= 1 &&
+                     min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 &&
+                     guided_radius_px > 0 && tracking_radius_px > 0 && max_guided_distance > 0 &&
+                     max_guided_distance <= 2048;
+  return valid ? Status() : Status(StatusCode::kInvalidArgument, "pose finder option out of range");
+}
+
+struct PoseFinder::State {
+  State(const ModelView& model_view, const PoseFinderOptions& finder_options,
+        AbsolutePoseEstimator pose_estimator)
+      : model(model_view),
+        landmarks(model.landmarks()),
+        keyframes(model.keyframes()),
+        options(finder_options),
+        dim(model.features().descriptor_dim),
+        estimator(std::move(pose_estimator)),
+        matcher(model.features().max_features, options.max_landmarks, dim),
+        grid(model.features().max_features),
+        stamp_of_landmark(landmarks.size, 0),
+        tried(keyframes.size, 0),
+        votes(keyframes.size, 0) {
+    const std::size_t features = model.features().max_features;
+    candidates.reserve(options.max_landmarks);
+    descriptors.resize(std::size_t(options.max_landmarks) * dim);
+    signs.resize(options.max_landmarks);
+    feature_signs.resize(features);
+    descriptor_matches.resize(features);
+    landmark_of_feature.resize(features);
+    distance_of_feature.resize(features);
+    matches.reserve(features);
+    matched_landmarks.reserve(features);
+    used.reserve(features);
+    ranked.reserve(keyframes.size);
+    IndexKeyframes();
+  }
+
+  void IndexKeyframes();
+  Eigen::Vector3d Position(std::uint32_t landmark) const;
+  Rigid3 KeyframePose(int k) const;
+  double SigmaOf(const Keypoint& keypoint) const;
+  std::span<const std::uint32_t> LandmarksOf(int k) const;
+
+  void ClearCandidates();
+  int CountShared(int k) const;
+  bool AddCandidatesOf(int k);
+  bool GatherGroup(std::span<const int> proposed);
+  void MatchCandidates(const FeatureSet& features);
+  void AddMatch(const Keypoint& keypoint, std::uint32_t landmark);
+
+  void GatherCovisible();
+  void GatherNear(int map, const Rigid3& cam_from_world);
+  void MatchGuided(const FeatureSet& features, const Camera& camera, const Rigid3& cam_from_world,
+                   double radius_px);
+  int MarkInliers(const Camera& camera, const Rigid3& cam_from_world);
+  bool Refine(const Camera& camera, const PoseRefinerOptions& refiner, RefinedPose& pose);
+  FoundPose Grow(const FeatureSet& features, Camera camera, bool refine_focal, RefinedPose start,
+                 double radius_px, bool covisible);
+  void Describe(FoundPose& found);
+  void StartFrame(const FeatureSet& features);
+
+  ModelView model;
+  ModelLandmarks landmarks;
+  ModelKeyframes keyframes;
+  PoseFinderOptions options;
+  int dim;
+  AbsolutePoseEstimator estimator;
+  DescriptorMatcher matcher;
+  FeatureGrid grid;
+
+  // Keyframes that see a landmark: seen_by[seen_by_begin[l] .. seen_by_begin[l + 1]).
+  std::vector<std::uint32_t> seen_by_begin;
+  std::vector<std::uint32_t> seen_by;
+
+  std::vector<std::uint32_t> candidates;         // landmarks to be matched, each once
+  std::vector<std::uint32_t> stamp_of_landmark;  // == stamp: is a candidate
+  std::uint32_t stamp = 0;
+  std::vector<std::int8_t> descriptors;  // of the candidates
+  std::vector<std::int8_t> signs;
+  std::vector<std::int8_t> feature_signs;
+  std::vector<std::uint8_t> tried;  // [keyframes] in this frame
+  std::vector<int> votes;           // [keyframes] landmarks shared with the matches
+  std::vector<std::pair<double, int>> ranked;  // keyframes
+
+  std::vector<DescriptorMatch> descriptor_matches;
+  std::vector<std::int64_t> landmark_of_feature;  // -1: none
+  std::vector<std::int32_t> distance_of_feature;
+  std::vector<PoseMatch> matches;
+  std::vector<std::uint32_t> matched_landmarks;  // [matches]
+  std::vector<std::uint8_t> used;                // [matches] inliers
+};
+
+void PoseFinder::State::IndexKeyframes() {
+  seen_by_begin.assign(std::size_t(landmarks.size) + 1, 0);
+  for (const std::uint32_t l : keyframes.landmarks) ++seen_by_begin[l + 1];
+  for (int l = 0; l < landmarks.size; ++l) seen_by_begin[l + 1] += seen_by_begin[l];
+  seen_by.resize(keyframes.landmarks.size());
+  std::vector<std::uint32_t> next(seen_by_begin.begin(), seen_by_begin.end() - 1);
+  for (int k = 0; k < keyframes.size; ++k) {
+    for (const std::uint32_t l : LandmarksOf(k)) seen_by[next[l]++] = static_cast<std::uint32_t>(k);
+  }
+}
+
+std::span<const std::uint32_t> PoseFinder::State::LandmarksOf(int k) const {
+  const std::uint32_t begin = keyframes.landmark_begin[k];
+  return keyframes.landmarks.subspan(begin, keyframes.landmark_begin[k + 1] - begin);
+}
+
+Eigen::Vector3d PoseFinder::State::Position(std::uint32_t landmark) const {
+  const int map = model.MapOf(landmark);
+  const double step = double{landmarks.map_step[map]};
+  Eigen::Vector3d position;
+  for (int axis = 0; axis < 3; ++axis) {
+    position[axis] = double{landmarks.map_origin[std::size_t(map) * 3 + axis]} +
+                     step * landmarks.position[std::size_t(landmark) * 3 + axis];
+  }
+  return position;
+}
+
+Rigid3 PoseFinder::State::KeyframePose(int k) const {
+  const auto row = keyframes.pose.subspan(std::size_t(k) * 7, 7);
+  return {Eigen::Quaterniond(double{row[6]}, double{row[3]}, double{row[4]}, double{row[5]})
+              .normalized(),
+          Eigen::Vector3d(double{row[0]}, double{row[1]}, double{row[2]})};
+}
+
+double PoseFinder::State::SigmaOf(const Keypoint& keypoint) const {
+  return double{landmarks.pixel_sigma} * double{keypoint.sigma};
+}
+
+void PoseFinder::State::StartFrame(const FeatureSet& features) {
+  grid.Fill(features.keypoints());
+  for (int i = 0; i < features.size(); ++i) {
+    feature_signs[i] = features.keypoints()[i].laplacian_sign;
+  }
+  std::fill(tried.begin(), tried.end(), std::uint8_t{0});
+}
+
+void PoseFinder::State::ClearCandidates() {
+  candidates.clear();
+  if (++stamp == 0) {
+    std::fill(stamp_of_landmark.begin(), stamp_of_landmark.end(), 0U);
+    stamp = 1;
+  }
+}
+
+int PoseFinder::State::CountShared(int k) const {
+  int shared = 0;
+  for (const std::uint32_t l : LandmarksOf(k)) shared += stamp_of_landmark[l] == stamp ? 1 : 0;
+  return shared;
+}
+
+// False: there is no room left.
+bool PoseFinder::State::AddCandidatesOf(int k) {
+  for (const std::uint32_t l : LandmarksOf(k)) {
+    if (stamp_of_landmark[l] == stamp) continue;
+    if (static_cast<int>(candidates.size()) == options.max_landmarks) return false;
+    stamp_of_landmark[l] = stamp;
+    candidates.push_back(l);
+  }
+  return true;
+}
+
+// The first keyframe not tried yet, and those after it that see the same landmarks.
+bool PoseFinder::State::GatherGroup(std::span<const int> proposed) {
+  ClearCandidates();
+  for (const int k : proposed) {
+    if (tried[k] != 0 || LandmarksOf(k).empty()) continue;
+    if (!candidates.empty() && CountShared(k) < kMinShared) continue;
+    tried[k] = 1;
+    if (!AddCandidatesOf(k)) break;
+  }
+  return !candidates.empty();
+}
+
+void PoseFinder::State::AddMatch(const Keypoint& keypoint, std::uint32_t landmark) {
+  matches.push_back({Eigen::Vector2d(double{keypoint.x}, double{keypoint.y}), SigmaOf(keypoint),
+                     Position(landmark)});
+  matched_landmarks.push_back(landmark);
+}
+
+// Features with candidates by descriptors alone, the most alike first.
+void PoseFinder::State::MatchCandidates(const FeatureSet& features) {
+  const std::size_t n = candidates.size();
+  for (std::size_t c = 0; c < n; ++c) {
+    const auto from = landmarks.descriptors.begin() + std::ptrdiff_t(candidates[c]) * dim;
+    std::copy_n(from, dim, descriptors.begin() + std::ptrdiff_t(c) * dim);
+    signs[c] = landmarks.laplacian_sign[candidates[c]];
+  }
+  const DescriptorSet queries = {features.descriptors(),
+                                 std::span(feature_signs).first(features.size())};
+  const DescriptorSet targets = {std::span(descriptors).first(n * dim), std::span(signs).first(n)};
+  const Result<int> found = matcher.Match(
+      queries, targets, {.max_ratio = options.max_ratio, .mutual = true}, descriptor_matches);
+  const int size = found.ok() ? *found : 0;
+  std::sort(descriptor_matches.begin(), descriptor_matches.begin() + size,
+            [](const DescriptorMatch& a, const DescriptorMatch& b) {
+              return std::pair(a.distance2, a.query_idx) < std::pair(b.distance2, b.query_idx);
+            });
+  matches.clear();
+  matched_landmarks.clear();
+  for (int i = 0; i < size; ++i) {
+    const DescriptorMatch& m = descriptor_matches[i];
+    AddMatch(features.keypoints()[m.query_idx], candidates[m.candidate_idx]);
+  }
+}
+
+// Landmarks of the keyframes that share most with the matches in use.
+void PoseFinder::State::GatherCovisible() {
+  std::fill(votes.begin(), votes.end(), 0);
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (used[i] == 0) continue;
+    const std::uint32_t l = matched_landmarks[i];
+    for (std::uint32_t s = seen_by_begin[l]; s < seen_by_begin[l + 1]; ++s) ++votes[seen_by[s]];
+  }
+  ranked.clear();
+  for (int k = 0; k < keyframes.size; ++k) {
+    if (votes[k] > 0) ranked.emplace_back(-votes[k], k);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ClearCandidates();
+  for (std::size_t i = 0; i < ranked.size() && i < kNeighbours; ++i) {
+    if (!AddCandidatesOf(ranked[i].second)) break;
+  }
+}
+
+// Landmarks of the keyframes whose views are most like this one.
+void PoseFinder::State::GatherNear(int map, const Rigid3& cam_from_world) {
+  const Rigid3 world_from_cam = Inverse(cam_from_world);
+  ranked.clear();
+  for (int k = 0; k < keyframes.size; ++k) {
+    const auto seen = LandmarksOf(k);
+    if (seen.empty() || model.MapOf(seen.front()) != map) continue;
+    ranked.emplace_back(Unlike(world_from_cam, KeyframePose(k)), k);
+  }
+  std::sort(ranked.begin(), ranked.end());
+  ClearCandidates();
+  for (std::size_t i = 0; i < ranked.size() && i < kNeighbours; ++i) {
+    if (!AddCandidatesOf(ranked[i].second)) break;
+  }
+}
+
+// Features with candidates by place and descriptor: each candidate takes the most alike
+// feature near where it must be seen, each feature its most alike candidate.
+void PoseFinder::State::MatchGuided(const FeatureSet& features, const Camera& camera,
+                                    const Rigid3& cam_from_world, double radius_px) {
+  std::fill(landmark_of_feature.begin(), landmark_of_feature.end(), -1);
+  const std::int32_t limit = options.max_guided_distance * options.max_guided_distance;
+  const double radius2 = radius_px * radius_px;
+  for (const std::uint32_t l : candidates) {
+    Eigen::Vector2d pixel;
+    if (!camera.Project(cam_from_world * Position(l), pixel)) continue;
+    if (!(pixel.x() > -radius_px && pixel.y() > -radius_px &&
+          pixel.x() < camera.width + radius_px && pixel.y() < camera.height + radius_px)) {
+      continue;
+    }
+    int best = -1;
+    std::int32_t best_distance = limit;
+    grid.ForEachNear(pixel.x(), pixel.y(), radius_px, [&](int f) {
+      const Keypoint& keypoint = features.keypoints()[f];
+      const double dx = double{keypoint.x} - pixel.x();
+      const double dy = double{keypoint.y} - pixel.y();
+      if (dx * dx + dy * dy > radius2 || keypoint.laplacian_sign != landmarks.laplacian_sign[l]) {
+        return;
+      }
+      const std::int32_t distance = SquaredDistance(
+          features.descriptor(f).data(), &landmarks.descriptors[std::size_t(l) * dim], dim);
+      if (distance < best_distance) {
+        best_distance = distance;
+        best = f;
+      }
+    });
+    if (best < 0) continue;
+    if (landmark_of_feature[best] >= 0 && distance_of_feature[best] <= best_distance) continue;
+    landmark_of_feature[best] = l;
+    distance_of_feature[best] = best_distance;
+  }
+  matches.clear();
+  matched_landmarks.clear();
+  for (int f = 0; f < features.size(); ++f) {
+    if (landmark_of_feature[f] < 0) continue;
+    AddMatch(features.keypoints()[f], static_cast<std::uint32_t>(landmark_of_feature[f]));
+  }
+  used.assign(matches.size(), 1);
+}
+
+// Marks in `used` the matches that agree with a pose, and counts them.
+int PoseFinder::State::MarkInliers(const Camera& camera, const Rigid3& cam_from_world) {
+  int inliers = 0;
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    const PoseMatch& m = matches[i];
+    Eigen::Vector2d pixel;
+    const bool seen = camera.Project(cam_from_world * m.point_in_world, pixel);
+    const double limit = kInlierSigma * m.sigma_px;
+    used[i] = seen && (pixel - m.pixel).squaredNorm() <= limit * limit ? 1 : 0;
+    inliers += used[i];
+  }
+  return inliers;
+}
+
+bool PoseFinder::State::Refine(const Camera& camera, const PoseRefinerOptions& refiner,
+                               RefinedPose& pose) {
+  const RefinedPose refined = RefinePose(camera, matches, used, pose.cam_from_world, refiner);
+  if (refined.found) pose = refined;
+  return refined.found;
+}
+
+// The keyframe that shares most with the matches, and how many there are.
+void PoseFinder::State::Describe(FoundPose& found) {
+  GatherCovisible();
+  if (ranked.empty()) return;
+  found.keyframe_idx = ranked.front().second;
+  found.map_idx = model.MapOf(LandmarksOf(found.keyframe_idx).front());
+}
+
+// Rounds of guided matching and refinement from a start. `covisible`: the landmarks to look
+// for are those near the matches in use; else the candidates as they are, at first.
+FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, bool refine_focal,
+                                  RefinedPose start, double radius_px, bool covisible) {
+  FoundPose found;
+  PoseRefinerOptions refiner;
+  refiner.refine_focal = refine_focal;
+  RefinedPose pose = start;
+  for (int round = 0; round < kRounds; ++round) {
+    if (round > 0 || covisible) GatherCovisible();
+    MatchGuided(features, camera, pose.cam_from_world, radius_px);
+    if (static_cast<int>(matches.size()) < options.min_inliers) return found;
+    if (!Refine(camera, refiner, pose)) return found;
+    camera.fx *= pose.focal_factor;
+    camera.fy *= pose.focal_factor;
+    MarkInliers(camera, pose.cam_from_world);
+    if (!Refine(camera, refiner, pose)) return found;
+    camera.fx *= pose.focal_factor;
+    camera.fy *= pose.focal_factor;
+    radius_px = std::min(radius_px, kFinalRadiusSigma * 2 * double{landmarks.pixel_sigma});
+  }
+  found.num_inliers = MarkInliers(camera, pose.cam_from_world);
+  found.pose = pose;
+  // Sigmas that turn out too small would promise too much.
+  const double excess = std::max(1.0, pose.residual_rms);
+  found.pose.covariance *= excess * excess;
+  Describe(found);
+  return found;
+}
+
+PoseFinder::PoseFinder(std::unique_ptr<State> state) : state_(std::move(state)) {}
+PoseFinder::PoseFinder(PoseFinder&&) noexcept = default;
+PoseFinder& PoseFinder::operator=(PoseFinder&&) noexcept = default;
+PoseFinder::~PoseFinder() = default;
+
+Result<PoseFinder> PoseFinder::Create(const ModelView& model, const PoseFinderOptions& options) {
+  if (Status status = options.Validate(); !status.ok()) return status;
+  if (!model.has_landmarks()) return Status(StatusCode::kInvalidArgument, "model has no landmarks");
+  AbsolutePoseOptions pose;
+  pose.capacity = std::max(3, model.features().max_features);
+  pose.max_iterations = 2000;
+  pose.min_inliers = kMinStart;
+  auto estimator = AbsolutePoseEstimator::Create(pose);
+  if (!estimator.ok()) return estimator.status();
+  return PoseFinder(std::make_unique<State>(model, options, std::move(*estimator)));
+}
+
+FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                           std::span<const int> keyframes) {
+  State& s = *state_;
+  s.StartFrame(features);
+  FoundPose best;
+  for (int group = 0; group < s.options.max_groups && s.GatherGroup(keyframes); ++group) {
+    s.MatchCandidates(features);
+    const AbsolutePose start = s.estimator.Estimate(camera, s.matches);
+    if (!start.found) continue;
+    s.used.assign(s.estimator.inliers().begin(), s.estimator.inliers().end());
+    const double radius = s.options.guided_radius_px * (refine_focal ? 2 : 1);
+    const FoundPose found = s.Grow(features, camera, refine_focal, start.pose, radius, true);
+    if (found.num_inliers > best.num_inliers) best = found;
+    if (best.num_inliers >= kCertainTimes * s.options.min_inliers) break;
+  }
+  best.found = best.num_inliers >= s.options.min_inliers;
+  return best;
+}
+
+FoundPose PoseFinder::FindNear(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                               int map_idx, const Rigid3& cam_from_world) {
+  State& s = *state_;
+  s.StartFrame(features);
+  s.GatherNear(map_idx, cam_from_world);
+  RefinedPose start;
+  start.cam_from_world = cam_from_world;
+  FoundPose found = s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px,
+                           false);
+  found.found = found.num_inliers >= 2 * s.options.min_inliers;
+  return found;
+}
+
+}  // namespace viewfix

@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <memory>
+#include <span>
+
+#include "engine/base/status.h"
+#include "engine/features/feature_extractor.h"
+#include "engine/geometry/camera.h"
+#include "engine/geometry/rigid3.h"
+#include "engine/pose/pose_refiner.h"
+#include "models/model_view.h"
+
+namespace viewfix {
+
+struct PoseFinderOptions {
+  // Landmarks that one frame is matched with at most, 64..65536: those of the keyframes most
+  // alike, about 300 each. More take time and find little.
+  int max_landmarks = 3000;
+  // Groups of keyframes that see the same landmarks, tried one after another, >= 1.
+  int max_groups = 4;
+  // Matches that must agree on a pose, >= 4. Chosen by frames of places that are not in the
+  // map: none reached 12 there.
+  int min_inliers = 15;
+  // Greatest ratio of the distances to the nearest and second nearest landmark, 0..1. Mild:
+  // one thing seen by several keyframes can be several landmarks.
+  float max_ratio = 0.9F;
+  // Guided matching looks so far around where a landmark must be seen, pixels, > 0: about a
+  // pose found among a few landmarks, and about one predicted from the frame before.
+  double guided_radius_px = 8;
+  double tracking_radius_px = 24;
+  // Greatest distance of descriptors in guided matching; their length is 127.
+  int max_guided_distance = 70;
+
+  Status Validate() const;
+};
+
+struct FoundPose {
+  bool found = false;
+  int map_idx = -1;
+  int keyframe_idx = -1;  // the one that shares most of the matched landmarks
+  int num_inliers = 0;    // matches that agree with the pose
+  RefinedPose pose;       // camera from the map's frame of reference
+};
+
+// Where a camera stands among a model's landmarks: matches the frame's features with the
+// landmarks of the keyframes proposed, finds the pose by P3P in a locally optimized RANSAC, then
+// looks for more landmarks where they must be seen, and refines the pose again over all of them
+// (method.md, section 2). Create() allocates; finding does not, is deterministic and bounded.
+// One instance serves one thread.
+class PoseFinder {
+ public:
+  // `model` is borrowed, has landmarks, and must outlive the finder.
+  static Result<PoseFinder> Create(const ModelView& model, const PoseFinderOptions& options);
+  PoseFinder(PoseFinder&&) noexcept;
+  PoseFinder& operator=(PoseFinder&&) noexcept;
+  ~PoseFinder();
+
+  // `keyframes`: most promising first. `camera`: of the image that features were found in;
+  // `refine_focal`: its focal length is a guess. No pose is an outcome, not an error.
+  FoundPose Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                 std::span<const int> keyframes);
+
+  // By guided matching alone about a pose that is nearly right, as that predicted from the
+  // frame before.
+  FoundPose FindNear(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                     int map_idx, const Rigid3& cam_from_world);
+
+ private:
+  struct State;
+  explicit PoseFinder(std::unique_ptr<State> state);
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace viewfix

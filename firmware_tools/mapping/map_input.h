@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "engine/geometry/camera.h"
+#include "engine/geometry/rigid3.h"
+#include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/training/feature_store.h"
+
+namespace viewfix {
+
+// A photograph to be mapped.
+struct MapFrame {
+  std::string name;     // path relative to the image set's folder
+  std::string capture;  // the walk it belongs to
+  int camera_idx = 0;   // into MapInput::cameras
+  const ImageFeatures* features = nullptr;
+  std::optional<Rigid3> cam_from_world;  // where the pose is known
+};
+
+// What maps are made of: frames in the order they were taken, and their cameras at the size
+// that features were found in, so that key points are pixels of them.
+struct MapInput {
+  std::vector<Camera> cameras;
+  std::vector<MapFrame> frames;
+};
+
+// Frames first_idx < second_idx of a MapInput.
+struct FramePair {
+  int first_idx = 0;
+  int second_idx = 0;
+
+  friend auto operator<=>(const FramePair&, const FramePair&) = default;
+};
+
+// The images `image_idxs` of a set, those without features left out. Refers to `features`,
+// which must live longer. Throws ToolError naming the image whose camera is not known, or
+// whose calibration has a distortion that no camera model takes.
+MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
+                      std::span<const int> image_idxs);
+
+// Pixels of an image of 640 pixels a side, in which thresholds are stated, to pixels of this
+// camera.
+double PixelsPerNominal(const Camera& camera);
+
+// Unit vectors of the key points, [keypoints]; zero where no ray gives the pixel.
+std::vector<Eigen::Vector3d> Bearings(const Camera& camera, const ImageFeatures& features);
+
+inline Eigen::Vector2d Pixel(const Keypoint& keypoint) { return {keypoint.x, keypoint.y}; }
+
+}  // namespace viewfix
