@@ -23,11 +23,11 @@ namespace fs = std::filesystem;
 constexpr double kLeastSpreadRatio = 0.02;  // of the second direction to the first: else a line
 constexpr double kMaxCoordinate = 1e9;      // metres
 constexpr int kMaxRefits = 10;
-constexpr std::size_t kMaxNamed = 3;        // points named in a refusal
+constexpr std::size_t kMaxNamed = 3;  // points named in a refusal
 // Shares of the cameras' x axes along the two flattest directions: below the first all cameras
 // look the same way, above the second they roll.
 constexpr double kLeastTurning = 0.03;
-constexpr double kMostRolling = 0.3;  // of the turning
+constexpr double kMostRolling = 0.3;       // of the turning
 constexpr double kLeastUprightness = 0.3;  // mean cosine between up and -y
 
 std::vector<Eigen::Vector3d> Centred(std::span<const Eigen::Vector3d> points,
@@ -49,7 +49,8 @@ bool OnALine(const std::vector<Eigen::Vector3d>& centred) {
 }
 
 Eigen::Quaterniond BestRotation(const Eigen::Matrix3d& covariance, double& trace) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
+                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign = Eigen::Vector3d::Ones();
   if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign.z() = -1;
   trace = svd.singularValues().dot(sign);
@@ -88,7 +89,8 @@ class Fitter {
   // Nothing: all pairs lie on a line.
   std::optional<Similarity> Fit() {
     const std::size_t n = in_map_.size();
-    const double triples = static_cast<double>(n) * (n - 1) * (n - 2) / 6;
+    const auto count = static_cast<double>(n);
+    const double triples = count * (count - 1) * (count - 2) / 6;
     if (triples <= options_.max_trials) {
       for (std::size_t i = 0; i < n; ++i)
         for (std::size_t j = i + 1; j < n; ++j)
@@ -182,7 +184,8 @@ std::string WorstPoints(std::vector<ControlResidual> residuals) {
 double Median(const std::vector<ControlResidual>& residuals) {
   std::vector<double> metres;
   for (const ControlResidual& residual : residuals) metres.push_back(residual.metres);
-  std::nth_element(metres.begin(), metres.begin() + std::ptrdiff_t(metres.size() / 2), metres.end());
+  std::nth_element(metres.begin(), metres.begin() + std::ptrdiff_t(metres.size() / 2),
+                   metres.end());
   return metres[metres.size() / 2];
 }
 
@@ -259,9 +262,10 @@ std::vector<ControlPoint> ReadControlFile(const fs::path& file) {
     for (int i = 0; i < 3; ++i) control.point_in_site[i] = CellNumber(row, columns[i + 1], file);
     const auto [first, is_new] = line_by_name.try_emplace(control.name, row.line);
     if (is_new && !control.name.empty()) continue;
-    throw ToolError(file.string() + " line " + std::to_string(row.line) + ": " +
-                    (is_new ? "no name" : control.name + " stands in line " +
-                                              std::to_string(first->second) + " too"));
+    throw ToolError(
+        file.string() + " line " + std::to_string(row.line) + ": " +
+        (is_new ? "no name"
+                : control.name + " stands in line " + std::to_string(first->second) + " too"));
   }
   return controls;
 }
@@ -360,9 +364,8 @@ void Transform(Reconstruction& map, const Similarity& new_from_old) {
   for (MapPoint& point : map.points) point.position = new_from_old * point.position;
   for (MapImage& image : map.images) {
     const Rigid3 old_from_cam = Inverse(image.cam_from_world);
-    image.cam_from_world =
-        Inverse({(new_from_old.rotation * old_from_cam.rotation).normalized(),
-                 new_from_old * old_from_cam.translation});
+    image.cam_from_world = Inverse({(new_from_old.rotation * old_from_cam.rotation).normalized(),
+                                    new_from_old * old_from_cam.translation});
   }
 }
 
