@@ -49,8 +49,9 @@ void SaveCalibration(const Calibration& calibration, const std::filesystem::path
   std::string text = "%YAML:1.0\n---\nimage_width: ";
   text.append(std::to_string(calibration.width)).append("\nimage_height: ");
   text.append(std::to_string(calibration.height)).append("\n");
-  text += MatrixText("camera_matrix", 3,
-                     {calibration.fx, 0, calibration.cx, 0, calibration.fy, calibration.cy, 0, 0, 1});
+  text +=
+      MatrixText("camera_matrix", 3,
+                 {calibration.fx, 0, calibration.cx, 0, calibration.fy, calibration.cy, 0, 0, 1});
   if (calibration.model == CameraModel::kKannalaBrandt) text += "distortion_model: equidistant\n";
   if (!calibration.distortion.empty()) {
     text += MatrixText("distortion_coefficients", 1, calibration.distortion);

@@ -21,8 +21,8 @@ namespace fs = std::filesystem;
 constexpr char kTransformsName[] = "transforms.json";
 constexpr double kMaxQuaternionLengthError = 1e-2;
 constexpr double kRoundingOfUnitLength = 1e-12;  // below it a quaternion is kept to the bit
-constexpr double kMaxGapSeconds = 0.2;  // a walker turns by some degrees in it, no more
-constexpr double kSameTimeSeconds = 5e-7;  // of 1.7e9 s a double resolves 2.4e-7 s
+constexpr double kMaxGapSeconds = 0.2;           // a walker turns by some degrees in it, no more
+constexpr double kSameTimeSeconds = 5e-7;        // of 1.7e9 s a double resolves 2.4e-7 s
 constexpr std::size_t kDigitsOfNanoseconds = 19;
 
 std::optional<double> NumberOf(std::string_view text) {
@@ -137,8 +137,7 @@ std::string FindImage(const fs::path& folder, const std::string& name) {
 fs::path ImageFolder(const fs::path& model, const std::string& name) {
   const fs::path at = fs::absolute(model).lexically_normal() / "";
   const fs::path base = at.parent_path();
-  for (const fs::path& folder :
-       {base, base.parent_path(), base.parent_path().parent_path()}) {
+  for (const fs::path& folder : {base, base.parent_path(), base.parent_path().parent_path()}) {
     for (const fs::path& candidate : {folder, folder / "images"}) {
       if (!FindImage(candidate, name).empty()) return candidate;
     }

@@ -166,8 +166,8 @@ class TransformsReader {
     const std::string name =
         model != nullptr && model->is_string() ? model->get<std::string>() : "OPENCV";
     const json* flag = Find(frame, "is_fisheye");
-    const bool is_fisheye = name == "OPENCV_FISHEYE" ||
-                            (flag != nullptr && flag->is_boolean() && flag->get<bool>());
+    const bool is_fisheye =
+        name == "OPENCV_FISHEYE" || (flag != nullptr && flag->is_boolean() && flag->get<bool>());
     const auto value = [&](const char* key) { return Value(frame, key, 0); };
     if (is_fisheye) {
       camera.model = CameraModel::kKannalaBrandt;

@@ -95,7 +95,9 @@ bool CameraFromColmap(const ColmapCamera& from, Camera& camera, std::string& cau
 ColmapCamera CameraToColmap(const Camera& camera, std::uint32_t id) {
   const ColmapCameraModel* model = FindColmapCameraModel(ColmapNameOf(camera));
   const Eigen::Vector2d centre = ToColmapPixel({camera.cx, camera.cy});
-  ColmapCamera to{id, model, static_cast<std::uint64_t>(camera.width),
+  ColmapCamera to{id,
+                  model,
+                  static_cast<std::uint64_t>(camera.width),
                   static_cast<std::uint64_t>(camera.height),
                   {camera.fx, camera.fy, centre.x(), centre.y()}};
   to.params.insert(to.params.end(), camera.distortion.begin(),

@@ -107,19 +107,18 @@ class Assembler {
       point.position = from.position;
       point.error_px = from.error_px;
       for (const auto& [image_id, keypoint] : from.track) AddObservation(from, image_id, keypoint);
-      std::sort(point.track.begin(), point.track.end(),
-                [](const Observation& a, const Observation& b) {
-                  return std::pair(a.image_idx, a.feature_idx) <
-                         std::pair(b.image_idx, b.feature_idx);
-                });
+      std::sort(
+          point.track.begin(), point.track.end(), [](const Observation& a, const Observation& b) {
+            return std::pair(a.image_idx, a.feature_idx) < std::pair(b.image_idx, b.feature_idx);
+          });
       KeepOneAnImage(point.track);
     }
   }
 
   void AddObservation(const ColmapPoint& from, std::uint32_t image_id, std::uint32_t keypoint) {
     const auto image = image_idx_.find(image_id);
-    const bool exists = image != image_idx_.end() &&
-                        keypoint < map_.images[image->second].keypoints.size();
+    const bool exists =
+        image != image_idx_.end() && keypoint < map_.images[image->second].keypoints.size();
     if (!exists || records_.images[image->second].point_ids[keypoint] != from.id) {
       Fail("points3D", "point " + std::to_string(from.id) + ": key point " +
                            std::to_string(keypoint) + " of image " + std::to_string(image_id) +
@@ -207,8 +206,8 @@ void RefuseOtherFormat(const fs::path& folder, ColmapFormat format) {
   const bool is_text = format == ColmapFormat::kText;
   const ColmapFormat other = is_text ? ColmapFormat::kBinary : ColmapFormat::kText;
   if (!HasModel(folder, other)) return;
-  throw ToolError(folder.string() + " holds a COLMAP model in " +
-                  (is_text ? "binary" : "text") + " already");
+  throw ToolError(folder.string() + " holds a COLMAP model in " + (is_text ? "binary" : "text") +
+                  " already");
 }
 
 }  // namespace

@@ -157,8 +157,8 @@ ColmapRecords ReadColmapText(const fs::path& folder) {
 void WriteColmapText(const ColmapRecords& records, const fs::path& folder) {
   for (const ColmapImage& image : records.images) {
     if (image.name.find_first_of(" \t\r\n\v\f") == std::string::npos) continue;
-    throw ToolError(folder.string() + ": COLMAP's text format has no names with blanks: " +
-                    image.name);
+    throw ToolError(folder.string() +
+                    ": COLMAP's text format has no names with blanks: " + image.name);
   }
   WriteTextFile(folder / "cameras.txt", CamerasText(records));
   WriteTextFile(folder / "images.txt", ImagesText(records));

@@ -41,8 +41,8 @@ std::string StemOf(const MapImage& image) { return fs::path(image.name).stem().s
 
 bool IsNumber(const std::string& text) {
   double value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value,
-                                            std::chars_format::fixed);
+  const auto [end, error] =
+      std::from_chars(text.data(), text.data() + text.size(), value, std::chars_format::fixed);
   return error == std::errc() && end == text.data() + text.size();
 }
 
@@ -53,7 +53,8 @@ void ExportTum(const Reconstruction& map, const fs::path& path) {
   for (std::size_t i = 0; i < map.images.size(); ++i) {
     const Rigid3 world_from_cam = Inverse(map.images[i].cam_from_world);
     text += has_times ? StemOf(map.images[i]) : std::to_string(i);
-    for (const double value : world_from_cam.translation) text.append(" ").append(ExactNumber(value));
+    for (const double value : world_from_cam.translation)
+      text.append(" ").append(ExactNumber(value));
     for (const double value : world_from_cam.rotation.coeffs()) {
       text.append(" ").append(ExactNumber(value));
     }

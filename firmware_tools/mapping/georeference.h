@@ -52,10 +52,10 @@ std::vector<ControlPair> PairWithCameras(const Reconstruction& map,
                                          std::span<const ControlPoint> controls);
 
 struct GeoreferenceOptions {
-  double max_residual = 0.5;       // metres; what is further off is an outlier
-  double max_median = 0.25;        // metres; a fit worse than this is refused
-  double min_inlier_share = 0.6;   // of the pairs
-  int max_trials = 5000;           // minimal sets tried; all of them where there are fewer
+  double max_residual = 0.5;      // metres; what is further off is an outlier
+  double max_median = 0.25;       // metres; a fit worse than this is refused
+  double min_inlier_share = 0.6;  // of the pairs
+  int max_trials = 5000;          // minimal sets tried; all of them where there are fewer
   std::uint64_t seed = 1;
 };
 

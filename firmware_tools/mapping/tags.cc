@@ -20,11 +20,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kMaxCoordinate = 1e9;       // metres
-constexpr double kLeastParallax = 0.035;     // radians: 2 degrees
-constexpr double kMaxMiss = 0.0175;          // radians: 1 degree
+constexpr double kMaxCoordinate = 1e9;    // metres
+constexpr double kLeastParallax = 0.035;  // radians: 2 degrees
+constexpr double kMaxMiss = 0.0175;       // radians: 1 degree
 constexpr double kMaxQuaternionError = 1e-2;
-constexpr double kMaxCornerError = 0.2;      // of the mean side: sides of a square are alike
+constexpr double kMaxCornerError = 0.2;  // of the mean side: sides of a square are alike
 
 struct Family {
   const char* name;
@@ -32,14 +32,22 @@ struct Family {
 };
 
 constexpr Family kFamilies[] = {
-    {"4x4_50", cv::aruco::DICT_4X4_50},       {"4x4_100", cv::aruco::DICT_4X4_100},
-    {"4x4_250", cv::aruco::DICT_4X4_250},     {"4x4_1000", cv::aruco::DICT_4X4_1000},
-    {"5x5_50", cv::aruco::DICT_5X5_50},       {"5x5_100", cv::aruco::DICT_5X5_100},
-    {"5x5_250", cv::aruco::DICT_5X5_250},     {"5x5_1000", cv::aruco::DICT_5X5_1000},
-    {"6x6_50", cv::aruco::DICT_6X6_50},       {"6x6_100", cv::aruco::DICT_6X6_100},
-    {"6x6_250", cv::aruco::DICT_6X6_250},     {"6x6_1000", cv::aruco::DICT_6X6_1000},
-    {"7x7_50", cv::aruco::DICT_7X7_50},       {"7x7_100", cv::aruco::DICT_7X7_100},
-    {"7x7_250", cv::aruco::DICT_7X7_250},     {"7x7_1000", cv::aruco::DICT_7X7_1000},
+    {"4x4_50", cv::aruco::DICT_4X4_50},
+    {"4x4_100", cv::aruco::DICT_4X4_100},
+    {"4x4_250", cv::aruco::DICT_4X4_250},
+    {"4x4_1000", cv::aruco::DICT_4X4_1000},
+    {"5x5_50", cv::aruco::DICT_5X5_50},
+    {"5x5_100", cv::aruco::DICT_5X5_100},
+    {"5x5_250", cv::aruco::DICT_5X5_250},
+    {"5x5_1000", cv::aruco::DICT_5X5_1000},
+    {"6x6_50", cv::aruco::DICT_6X6_50},
+    {"6x6_100", cv::aruco::DICT_6X6_100},
+    {"6x6_250", cv::aruco::DICT_6X6_250},
+    {"6x6_1000", cv::aruco::DICT_6X6_1000},
+    {"7x7_50", cv::aruco::DICT_7X7_50},
+    {"7x7_100", cv::aruco::DICT_7X7_100},
+    {"7x7_250", cv::aruco::DICT_7X7_250},
+    {"7x7_1000", cv::aruco::DICT_7X7_1000},
     {"aruco_original", cv::aruco::DICT_ARUCO_ORIGINAL},
     {"tag16h5", cv::aruco::DICT_APRILTAG_16h5},
     {"tag25h9", cv::aruco::DICT_APRILTAG_25h9},

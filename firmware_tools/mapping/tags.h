@@ -26,8 +26,8 @@ struct Tag {
 std::vector<Tag> ReadTagFile(const std::filesystem::path& file);
 
 struct TagObservation {
-  int image_idx = 0;  // into Reconstruction::images
-  int tag_idx = 0;    // into the tags
+  int image_idx = 0;                       // into Reconstruction::images
+  int tag_idx = 0;                         // into the tags
   std::array<Eigen::Vector2d, 4> corners;  // pixels of the image's camera
 };
 

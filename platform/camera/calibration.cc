@@ -49,10 +49,9 @@ std::string_view WithoutTag(std::string_view text) {
 
 // Open minus closed brackets and braces.
 int Nesting(std::string_view text) {
-  return static_cast<int>(std::count_if(text.begin(), text.end(),
-                                        [](char c) { return c == '[' || c == '{'; }) -
-                          std::count_if(text.begin(), text.end(),
-                                        [](char c) { return c == ']' || c == '}'; }));
+  return static_cast<int>(
+      std::count_if(text.begin(), text.end(), [](char c) { return c == '[' || c == '{'; }) -
+      std::count_if(text.begin(), text.end(), [](char c) { return c == ']' || c == '}'; }));
 }
 
 // The pieces between the commas that stand in no bracket.
@@ -247,8 +246,7 @@ Status ReadCameraMatrix(const Document& document, Camera& camera) {
   }
   const auto& m = k.data;
   if (m[1] != 0 || m[3] != 0 || m[6] != 0 || m[7] != 0 || m[8] != 1) {
-    return {StatusCode::kUnsupported, "not of the form [fx 0 cx; 0 fy cy; 0 0 1]",
-            "camera_matrix"};
+    return {StatusCode::kUnsupported, "not of the form [fx 0 cx; 0 fy cy; 0 0 1]", "camera_matrix"};
   }
   camera.fx = m[0];
   camera.cx = m[2];

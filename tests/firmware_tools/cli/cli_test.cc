@@ -58,7 +58,7 @@ class CliTest : public ::testing::Test {
 
 TEST_F(CliTest, HelpAndUsage) {
   EXPECT_EQ(Viewfix({"--help"}).exit_code, 0);
-  for (const char* command : {"simulate", "check", "train", "eval", "inspect"}) {
+  for (const char* command : {"simulate", "check", "train", "eval", "inspect", "calibrate"}) {
     const ProgramRun help = Viewfix({command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Example: viewfix"));
@@ -123,6 +123,30 @@ TEST_F(CliTest, SetsThatCannotBeUsed) {
   folder_.Write("c/images.csv",
                 std::string_view("path,tx,ty,tz,qx,qy,qz,qw\nx.jpg,nan,0,0,0,0,0,1\n"));
   ExpectTrainRefuses(folder_ / "c", {"c/images.csv"});
+}
+
+TEST_F(CliTest, PosesFromAnotherFile) {
+  const std::string site = Site();
+  const std::string poses = folder_.Write("walk.tum", "bar-left-0 1 2 3 0 0 0 1\n");
+  const ProgramRun train = Viewfix({"train", site, "--out", Model(), "--words", "20",
+                                    "--max-features", "100", "--poses", poses});
+  EXPECT_EQ(train.exit_code, 0) << train.err;
+  EXPECT_THAT(train.err, HasSubstr("walk.tum: poses for 1 of 36 images"));
+  const std::string bad = folder_.Write("bad.tum", "bar-left-0 1 2 3 0 0 0 0\n");
+  const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--poses", bad});
+  EXPECT_EQ(eval.exit_code, 1);
+  EXPECT_THAT(LastLine(eval), HasSubstr("bad.tum line 1"));
+}
+
+TEST_F(CliTest, CalibratePrintsTheBoardAndRefusesOtherPictures) {
+  const std::string board = folder_ / "board.svg";
+  EXPECT_EQ(Viewfix({"calibrate", "--print-board", board}).exit_code, 0);
+  EXPECT_TRUE(std::filesystem::exists(board));
+  EXPECT_EQ(Viewfix({"calibrate", Site()}).exit_code, 2) << "without --out";
+  const ProgramRun run = Viewfix({"calibrate", Site(), "--out", folder_ / "c.yaml"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(LastLine(run), HasSubstr("usable in 0 of 36 images"));
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "c.yaml"));
 }
 
 TEST_F(CliTest, ASetWithoutPlacesSaysWhatToAdd) {

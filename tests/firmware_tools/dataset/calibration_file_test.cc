@@ -43,10 +43,16 @@ TEST(CalibrationFile, ReadsWhatOpenCvWrites) {
   const TempFolder folder;
   {
     cv::FileStorage storage(folder / "c.yml", cv::FileStorage::WRITE);
-    storage << "calibration_time" << "Tue 22:15:03" << "image_width" << 640 << "image_height" << 480;
+    storage << "calibration_time"
+            << "Tue 22:15:03"
+            << "image_width" << 640 << "image_height" << 480;
     storage << "camera_matrix" << cv::Mat(cv::Matx33d(500.25, 0, 319, 0, 501, 239.5, 0, 0, 1));
     storage << "distortion_coefficients" << (cv::Mat_<double>(5, 1) << 0.1, -2e-9, 0, 0, 3.5);
-    storage << "avg_reprojection_error" << 0.25 << "list" << "[" << "a" << "b" << "]";
+    storage << "avg_reprojection_error" << 0.25 << "list"
+            << "["
+            << "a"
+            << "b"
+            << "]";
   }
   const Calibration calibration = LoadCalibration(folder / "c.yml");
   EXPECT_EQ(calibration.fx, 500.25);

@@ -80,8 +80,8 @@ TEST(Tum, InterpolatesBetweenNeighbours) {
   const TempFolder folder;
   const Pose a{Eigen::Quaterniond::Identity(), {0, 0, 0}};
   const Pose b{Eigen::Quaterniond(Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY())), {0.1, 0, 0}};
-  const auto file = folder.Write(
-      "walk.tum", TumLine("10.0", a) + TumLine("10.1", b) + TumLine("20.0", b));
+  const auto file =
+      folder.Write("walk.tum", TumLine("10.0", a) + TumLine("10.1", b) + TumLine("20.0", b));
   ImageSet set = SetOf({"10.025.jpg", "15.0.jpg", "9.9.jpg", "20.1.jpg"});
   EXPECT_EQ(ApplyPoses(ReadPoses(file), set).matched, 1);
   EXPECT_NEAR(set.images[0].pose->cam_in_world.x(), 0.025, 1e-9);
@@ -127,9 +127,17 @@ nlohmann::json GlMatrix(const Pose& pose, const Eigen::Isometry3d& applied, doub
 
 nlohmann::json Transforms(const std::vector<Pose>& poses, const Eigen::Isometry3d& applied,
                           double scale) {
-  nlohmann::json root = {{"camera_model", "OPENCV"}, {"fl_x", 500.25}, {"fl_y", 501},
-                         {"cx", 320}, {"cy", 240.5}, {"w", 640}, {"h", 480},
-                         {"k1", 0.1}, {"k2", -0.2}, {"p1", 0.01}, {"p2", 0.02}};
+  nlohmann::json root = {{"camera_model", "OPENCV"},
+                         {"fl_x", 500.25},
+                         {"fl_y", 501},
+                         {"cx", 320},
+                         {"cy", 240.5},
+                         {"w", 640},
+                         {"h", 480},
+                         {"k1", 0.1},
+                         {"k2", -0.2},
+                         {"p1", 0.01},
+                         {"p2", 0.02}};
   for (std::size_t i = 0; i < poses.size(); ++i) {
     const std::string name = std::string("./images/") + static_cast<char>('a' + i);
     root["frames"].push_back({{"file_path", i == 0 ? name : name + ".jpg"},
@@ -157,8 +165,10 @@ TEST(TransformsJson, PosesAndCameras) {
   ASSERT_EQ(set.cameras.size(), 2U);
   EXPECT_EQ(set.images[1].camera_idx, 0);
   EXPECT_EQ(set.images[2].camera_idx, 1);
-  EXPECT_EQ(ToCamera(set.cameras[0]), (Camera{CameraModel::kBrownConrady, 640, 480, 500.25, 501,
-                                             319.5, 240, {0.1, -0.2, 0.01, 0.02}}));
+  EXPECT_EQ(
+      ToCamera(set.cameras[0]),
+      (Camera{
+          CameraModel::kBrownConrady, 640, 480, 500.25, 501, 319.5, 240, {0.1, -0.2, 0.01, 0.02}}));
   EXPECT_EQ(set.cameras[1].model, CameraModel::kKannalaBrandt);
   EXPECT_EQ(set.cameras[1].fx, 300);
 }
@@ -192,7 +202,8 @@ TEST(TransformsJson, FieldOfViewInsteadOfFocalLength) {
 }
 
 TEST(TransformsJson, NamesWhatIsWrong) {
-  const nlohmann::json good = Transforms({OddPose(1), OddPose(2)}, Eigen::Isometry3d::Identity(), 1);
+  const nlohmann::json good =
+      Transforms({OddPose(1), OddPose(2)}, Eigen::Isometry3d::Identity(), 1);
   using Change = std::function<void(nlohmann::json&)>;
   const std::pair<Change, const char*> cases[] = {
       {[](auto& r) { r = 7; }, "not a JSON object"},
@@ -203,16 +214,25 @@ TEST(TransformsJson, NamesWhatIsWrong) {
       {[](auto& r) { r["frames"][1]["transform_matrix"][0][0] = "x"; }, "not a number"},
       {[](auto& r) { r["frames"][1]["transform_matrix"][0][0] = nullptr; }, "not a number"},
       {[](auto& r) { r["frames"][1]["transform_matrix"][0][0] = 9; }, "not a rotation"},
-      {[](auto& r) { r["frames"][1]["transform_matrix"].erase(3); r["frames"][1]["transform_matrix"].erase(2); },
+      {[](auto& r) {
+         r["frames"][1]["transform_matrix"].erase(3);
+         r["frames"][1]["transform_matrix"].erase(2);
+       },
        "3x4"},
       {[](auto& r) { r["frames"][1]["transform_matrix"][0][3] = 1e12; }, "1e9"},
-      {[](auto& r) { for (auto& row : r["frames"][1]["transform_matrix"]) row[0] = -row[0].template get<double>(); },
+      {[](auto& r) {
+         for (auto& row : r["frames"][1]["transform_matrix"])
+           row[0] = -row[0].template get<double>();
+       },
        "not a rotation"},
       {[](auto& r) { r["camera_model"] = "EQUIRECTANGULAR"; }, "EQUIRECTANGULAR"},
       {[](auto& r) { r["fl_x"] = -1; }, "focal length"},
       {[](auto& r) { r.erase("w"); }, "no image size w"},
       {[](auto& r) { r["k4"] = 1; }, "k4"},
-      {[](auto& r) { r["applied_transform"] = {1, 2}; }, "applied_transform"},
+      {[](auto& r) {
+         r["applied_transform"] = {1, 2};
+       },
+       "applied_transform"},
       {[](auto& r) { r["applied_scale"] = 0; }, "applied_scale"},
   };
   const TempFolder folder;

@@ -129,7 +129,8 @@ TEST(Gravity, IsWhatLevelCamerasAgreeOn) {
 TEST(Gravity, SaysWhyThereIsNone) {
   Reconstruction map = SyntheticMap(1);
   Reconstruction one_way = map;
-  for (MapImage& image : one_way.images) image.cam_from_world.rotation = PoseOnCircle(0, 0).rotation;
+  for (MapImage& image : one_way.images)
+    image.cam_from_world.rotation = PoseOnCircle(0, 0).rotation;
   EXPECT_THAT(EstimateGravity(one_way).cause, HasSubstr("one direction"));
   Reconstruction rolling = map;
   for (std::size_t i = 0; i < rolling.images.size(); ++i) {

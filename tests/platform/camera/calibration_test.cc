@@ -31,7 +31,8 @@ constexpr char kFlow[] =
     "---\nimage_width: 640\nimage_height: 480\n"
     "camera_matrix: {rows: 3, cols: 3, data: [400, 0, 320, 0, 401, 240, 0, 0, 1]}\n"
     "distortion_model: \"equidistant\"\n"
-    "distortion_coefficients:\n  rows: 1\n  cols: 4\n  data:\n  - 0.1\n  - -0.02\n  - 3e-3\n  - 0\n";
+    "distortion_coefficients:\n  rows: 1\n  cols: 4\n  data:\n  - 0.1\n  - -0.02\n  - 3e-3\n  - "
+    "0\n";
 
 std::string Replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t at = text.find(from);
