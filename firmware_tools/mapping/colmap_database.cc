@@ -97,6 +97,7 @@ void WriteImages(const MapInput& input, Database& database) {
   Insert keypoints(database, "INSERT INTO keypoints VALUES (?, ?, 2, ?)");
   for (std::size_t i = 0; i < input.frames.size(); ++i) {
     const MapFrame& frame = input.frames[i];
+    if (frame.features->keypoints.empty()) continue;
     const std::int64_t id = ColmapId(static_cast<int>(i));
     images.Integer(id).Text(frame.name).Integer(ColmapId(frame.camera_idx)).Run();
     std::vector<float> pixels;
