@@ -195,16 +195,18 @@ std::vector<bool> LargestComponent(std::span<const VerifiedPair> pairs,
 SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candidates,
                          std::span<const VerifiedPair> pairs, const SfmOptions& options, int jobs,
                          const std::function<Progress(const std::string& stage)>& stages) {
+  const std::vector<VerifiedPair> believed =
+      KeepConsistentPairs(input, pairs, options.consistency);
   SfmResult result;
   std::set<std::string> mapped;
   std::vector<bool> left(input.frames.size(), true);
   for (int m = 0; m < options.max_maps; ++m) {
-    const std::vector<bool> taken = LargestComponent(pairs, left);
+    const std::vector<bool> taken = LargestComponent(believed, left);
     if (std::count(taken.begin(), taken.end(), true) < options.min_frames) break;
     const auto its_candidates =
         Among<FramePair>(candidates, taken, [](const FramePair& pair) { return pair; });
     const auto its_pairs = Among<VerifiedPair>(
-        pairs, taken, [](const VerifiedPair& pair) { return pair.frames; });
+        believed, taken, [](const VerifiedPair& pair) { return pair.frames; });
     ColmapOptions colmap = options.colmap;
     colmap.work_folder /= "map" + std::string(1, static_cast<char>('1' + m));
     Reconstruction map = Mapper(its_candidates, its_pairs, options, jobs, stages)

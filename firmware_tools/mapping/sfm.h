@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware_tools/mapping/colmap_mapper.h"
+#include "firmware_tools/mapping/pair_consistency.h"
 #include "firmware_tools/mapping/register_frames.h"
 #include "firmware_tools/mapping/triangulate.h"
 
@@ -13,6 +14,7 @@ namespace viewfix {
 
 struct SfmOptions {
   TwoViewOptions two_view;
+  ConsistencyOptions consistency;
   ColmapOptions colmap;
   TriangulateOptions triangulate;
   RegisterOptions registration;
@@ -28,8 +30,8 @@ struct SfmResult {
   std::vector<std::string> unmapped;   // names of frames that are in none of them
 };
 
-// Maps photographs whose poses are not known: COLMAP's mapper makes poses from the verified
-// pairs; under them frames are matched again, points triangulated and adjusted together with the
+// Maps photographs whose poses are not known: verified pairs that contradict the others are put
+// aside (KeepConsistentPairs); COLMAP's mapper makes poses from the rest; under them frames are matched again, points triangulated and adjusted together with the
 // poses (COLMAP's own result can be bent), images that contradict their pairs dropped, and
 // missed frames registered. Frames that are left make maps of their own where they can. Poses in
 // `input` are not used.
