@@ -24,7 +24,8 @@ Camera ToCamera(const Calibration& calibration, const std::string& image) {
   if (count > camera.distortion.size()) {
     throw ToolError(image + ": its calibration has thin prism distortion, which is not supported");
   }
-  if (count > 0) camera.model = CameraModel::kBrownConrady;
+  const bool is_plain = calibration.model == CameraModel::kBrownConrady && count == 0;
+  camera.model = is_plain ? CameraModel::kPinhole : calibration.model;
   std::copy_n(distortion.begin(), count, camera.distortion.begin());
   if (const Status status = camera.Validate(); !status.ok()) {
     throw ToolError(image + ": " + Describe(status));
