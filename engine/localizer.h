@@ -69,7 +69,7 @@ struct LocalizerOptions {
   // Nanoseconds of a monotonic clock, for StageTimes; null: not measured. The engine
   // itself has no clock, and no result depends on this one.
   std::int64_t (*now_ns)() = nullptr;
-  PoseFinderOptions pose;
+  PoseFinderOptions pose = {};
   // A location counts as a rival when its score is within this of the best.
   float rival_margin = 0.25F;
 };

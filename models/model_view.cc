@@ -227,7 +227,9 @@ Status ModelView::LoadKeyframes() {
   const ModelKeyframes& k = keyframes_;
   const bool sizes = k.word_begin.size() == size + 1 && k.counts.size() == k.words.size() &&
                      k.has_pose.size() == size && k.pose.size() == size * 7;
-  if (!sizes) return Corrupt("model's keyframe tables have wrong sizes");
+  if (!sizes || (f->names() != nullptr && f->names()->size() != size)) {
+    return Corrupt("model's keyframe tables have wrong sizes");
+  }
   if (k.word_begin.front() != 0 || k.word_begin.back() != k.words.size()) {
     return Corrupt("model's keyframe histograms are broken");
   }
@@ -332,6 +334,11 @@ std::string_view ModelView::location_name(int location_idx) const {
 
 std::string_view ModelView::view_name(int view_idx) const {
   return NameAt(Root(bytes_)->scoring()->views(), view_idx);
+}
+
+std::string_view ModelView::keyframe_name(int keyframe_idx) const {
+  const Names* names = Root(bytes_)->keyframes()->names();
+  return names == nullptr ? std::string_view() : NameAt(names, keyframe_idx);
 }
 
 std::array<char, 16> ModelView::short_hash() const {

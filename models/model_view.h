@@ -125,6 +125,8 @@ class ModelView {
 
   std::string_view location_name(int location_idx) const;
   std::string_view view_name(int view_idx) const;
+  // The photograph it was, as a path in the image set; empty: not told.
+  std::string_view keyframe_name(int keyframe_idx) const;
 
   std::span<const std::uint8_t> bytes() const { return bytes_; }
   std::span<const std::uint8_t> hash() const {

@@ -69,8 +69,10 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto pose = b.CreateVector(Flat(d.keyframe_pose));
   const auto landmark_begin = b.CreateVector(d.keyframe_landmark_begin);
   const auto landmarks = b.CreateVector(d.keyframe_landmarks);
+  flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>> names = 0;
+  if (!d.keyframe_names.empty()) names = b.CreateVectorOfStrings(d.keyframe_names);
   const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, counts, has_pose, pose,
-                                             landmark_begin, landmarks);
+                                             landmark_begin, landmarks, names);
   flatbuffers::Offset<fb::Camera> camera = 0;
   flatbuffers::Offset<fb::Landmarks> map = 0;
   if (!d.landmark_position.empty()) {

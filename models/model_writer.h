@@ -34,6 +34,7 @@ struct ModelData {
   std::vector<std::uint8_t> keyframe_counts;
   std::vector<std::uint8_t> keyframe_has_pose;
   std::vector<std::array<float, 7>> keyframe_pose;  // tx ty tz qx qy qz qw
+  std::vector<std::string> keyframe_names;          // or none
   // Where landmarks are; empty vectors: none.
   struct CameraData {
     std::uint8_t model = 0;

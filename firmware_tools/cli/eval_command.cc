@@ -35,6 +35,32 @@ std::string Percents(const nlohmann::ordered_json& shares) {
   return text.empty() ? "-" : text;
 }
 
+std::string Centimetres(const nlohmann::ordered_json& metres) {
+  if (metres.is_null()) return "-";
+  char text[32];
+  std::snprintf(text, sizeof text, "%.1f cm", 100 * metres.get<double>());
+  return text;
+}
+
+void PrintPose(const nlohmann::ordered_json& pose) {
+  if (pose["labelled"].get<int>() == 0) return;
+  std::printf("pose                %s localized; median %s, %s deg; 90 %% within %s\n",
+              Percent(pose["localized"]).c_str(), Centimetres(pose["median_translation_m"]).c_str(),
+              pose["median_rotation_deg"].is_null()
+                  ? "-"
+                  : std::to_string(pose["median_rotation_deg"].get<double>()).substr(0, 4).c_str(),
+              Centimetres(pose["p90_translation_m"]).c_str());
+  std::printf("                    5 cm 5 deg: %s, 10 cm 5 deg: %s, 50 cm 5 deg: %s\n",
+              Percent(pose["recall"]["0.05m_5deg"]).c_str(),
+              Percent(pose["recall"]["0.1m_5deg"]).c_str(),
+              Percent(pose["recall"]["0.5m_5deg"]).c_str());
+  if (pose.contains("alignment")) {
+    std::printf("map                 %d training images, %s RMSE after alignment\n",
+                pose["alignment"]["training_images"].get<int>(),
+                Centimetres(pose["alignment"]["rmse_m"]).c_str());
+  }
+}
+
 void PrintFigures(const nlohmann::ordered_json& f) {
   std::printf("images              %d (%d skipped)\n", f["images"].get<int>(),
               f["skipped"].get<int>());
@@ -42,12 +68,15 @@ void PrintFigures(const nlohmann::ordered_json& f) {
   std::printf("view                %s\n", Percent(f["view"]["accuracy"]).c_str());
   std::printf("nearest keyframe    %s  (location by histogram alone)\n",
               Percents(f["nearest_keyframe"]["by_level"]).c_str());
+  std::printf("score alone         %s  (location by eq. (5) alone)\n",
+              Percents(f["score_alone"]["by_level"]).c_str());
   const auto& retrieval = f["retrieval"];
   std::printf("right among best    1: %s, 5: %s, 20: %s\n",
               Percent(retrieval["recall_at"]["1"]).c_str(),
               Percent(retrieval["recall_at"]["5"]).c_str(),
               Percent(retrieval["recall_at"]["20"]).c_str());
   std::printf("keyframe <= 1 m/30  %s\n", Percent(retrieval["within_1m_30deg"]).c_str());
+  PrintPose(f["pose"]);
   std::printf("answered            %s, of these wrong %s\n",
               Percent(f["refusal"]["answered"]).c_str(),
               Percent(f["refusal"]["wrong_of_answered"]).c_str());

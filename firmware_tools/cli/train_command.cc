@@ -21,6 +21,7 @@ struct TrainFlags {
   std::string out;
   std::string views = "auto";
   std::string map = "auto";
+  std::string work;
   std::string histogram = "hellinger";
   std::string negatives = "auto";
   double c = 0;
@@ -47,7 +48,13 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   TrainOptions options = flags.options;
   ApplyViews(flags.views, options.labels);
   options.histogram_map = flags.histogram == "l1" ? HistogramMap::kL1 : HistogramMap::kHellinger;
-  options.use_poses = flags.map != "none";
+  options.use_poses = flags.map == "auto" || flags.map == "poses";
+  options.map.source = flags.map == "none"     ? MapSource::kNone
+                       : flags.map == "colmap" ? MapSource::kColmap
+                                               : MapSource::kPoses;
+  options.map.work_folder = flags.work.empty() ? flags.out + ".map" : flags.work;
+  options.map.seed = static_cast<int>(options.seed % 1000000);
+  options.map.jobs = options.jobs;
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
@@ -121,8 +128,15 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   command
       ->add_option("--map", flags->map,
-                   "poses: keep the set's poses; none: no poses; auto: poses where given")
-      ->check(CLI::IsMember({"auto", "poses", "none"}))
+                   "landmarks and poses: poses (those of the set), colmap (structure from motion), "
+                   "none; auto: poses where given")
+      ->check(CLI::IsMember({"auto", "colmap", "poses", "none"}))
+      ->capture_default_str();
+  command->add_option("--work", flags->work,
+                      "folder for COLMAP's files, kept; default: the model's name with .map");
+  command->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
+                      "landmarks that each keyframe keeps, about")
+      ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))

@@ -2,12 +2,16 @@
 #include "firmware_tools/evaluation/evaluate.h"
 
 #include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
 #include <numeric>
 
 #include "engine/scoring/scoring.h"
+#include "firmware_tools/dataset/calibration_file.h"
 #include "firmware_tools/dataset/image_loader.h"
+#include "firmware_tools/evaluation/metrics.h"
+#include "firmware_tools/mapping/georeference.h"
 #include "firmware_tools/training/feature_store.h"
 #include "platform/clock.h"
 
@@ -67,15 +71,75 @@ void RankKeyframes(const ModelView& model, std::span<const float> similarity, in
   }
 }
 
-void CompareKeyframe(const ModelView& model, const ImageRecord& image, FrameResult& result) {
-  const int k = result.fix.keyframe_idx;
-  if (k < 0 || !image.pose || model.keyframes().has_pose[k] == 0) return;
+Rigid3 KeyframePose(const ModelView& model, int k) {
   const auto row = model.keyframes().pose.subspan(std::size_t(k) * 7, 7);
-  const Eigen::Vector3d position(row[0], row[1], row[2]);
-  const Eigen::Quaterniond rotation(row[6], row[3], row[4], row[5]);
-  result.keyframe_distance = (position - image.pose->cam_in_world).norm();
-  result.keyframe_angle_deg =
-      rotation.normalized().angularDistance(image.pose->world_from_cam) * 180 / std::numbers::pi;
+  return {Eigen::Quaterniond(row[6], row[3], row[4], row[5]).normalized(),
+          Eigen::Vector3d(row[0], row[1], row[2])};
+}
+
+struct PoseError {
+  double metres;
+  double degrees;
+};
+
+PoseError ErrorOf(const Similarity& world_from_map, const Rigid3& map_from_cam, const Pose& truth) {
+  const Eigen::Vector3d position = world_from_map * map_from_cam.translation;
+  const Eigen::Quaterniond rotation = world_from_map.rotation * map_from_cam.rotation;
+  return {(position - truth.cam_in_world).norm(),
+          rotation.angularDistance(truth.world_from_cam) * 180 / std::numbers::pi};
+}
+
+void ComparePoses(const ModelView& model, const Similarity& world_from_map,
+                  const ImageRecord& image, FrameResult& result) {
+  if (!image.pose) return;
+  const int k = result.fix.keyframe_idx;
+  if (k >= 0 && model.keyframes().has_pose[k] != 0) {
+    const PoseError error = ErrorOf(world_from_map, KeyframePose(model, k), *image.pose);
+    result.keyframe_distance = error.metres;
+    result.keyframe_angle_deg = error.degrees;
+  }
+  if (result.fix.has_pose) {
+    const PoseError error = ErrorOf(world_from_map, result.fix.world_from_cam, *image.pose);
+    result.translation_error = error.metres;
+    result.rotation_error_deg = error.degrees;
+  }
+}
+
+bool InFirstMap(const ModelView& model, int k) {
+  const ModelKeyframes& keyframes = model.keyframes();
+  if (keyframes.has_pose[k] == 0) return false;
+  const std::uint32_t begin = keyframes.landmark_begin[k];
+  return begin < keyframes.landmark_begin[std::size_t(k) + 1] &&
+         model.MapOf(keyframes.landmarks[begin]) == 0;
+}
+
+// Lays the largest map over the training images' poses, if the map has a scale of its own.
+Similarity AlignMap(const ImageSet& set, const ModelView& model,
+                    std::optional<Evaluation::Alignment>& alignment) {
+  if (model.metric() || !model.has_landmarks()) return {};
+  std::map<std::string, const ImageRecord*> training;
+  for (const ImageRecord& image : set.images) {
+    if (image.pose && !image.is_test) training[image.path] = &image;
+  }
+  std::vector<Eigen::Vector3d> in_map;
+  std::vector<Eigen::Vector3d> in_world;
+  for (int k = 0; k < model.keyframes().size; ++k) {
+    const auto image = training.find(std::string(model.keyframe_name(k)));
+    if (image == training.end() || !InFirstMap(model, k)) continue;
+    in_map.push_back(KeyframePose(model, k).translation);
+    in_world.push_back(image->second->pose->cam_in_world);
+  }
+  const std::optional<Similarity> world_from_map = FitSimilarity(in_map, in_world);
+  if (!world_from_map) return {};
+  std::vector<double> errors;
+  double sum2 = 0;
+  for (std::size_t i = 0; i < in_map.size(); ++i) {
+    errors.push_back((*world_from_map * in_map[i] - in_world[i]).norm());
+    sum2 += errors.back() * errors.back();
+  }
+  const auto count = static_cast<double>(errors.size());
+  alignment = {static_cast<int>(errors.size()), std::sqrt(sum2 / count), *Quantile(errors, 0.5)};
+  return *world_from_map;
 }
 
 std::string BestByScoreAlone(const ModelView& model, std::span<const float> pair_scores) {
@@ -99,7 +163,6 @@ void Describe(const ModelView& model, const Localizer& localizer, const ImageRec
   }
   result.scored_location = BestByScoreAlone(model, localizer.pair_scores());
   RankKeyframes(model, localizer.keyframe_similarities(), truth, result);
-  CompareKeyframe(model, image, result);
 }
 
 }  // namespace
@@ -113,16 +176,24 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
       record.is_object() && record.value("view_source", "") == "labels";
   const std::vector<int> idxs = ImagesOf(set, options.split);
   Localizer localizer = MakeLocalizer(model);
+  const Similarity world_from_map = AlignMap(set, model, evaluation.alignment);
   for (int n = 0; n < static_cast<int>(idxs.size()); ++n) {
     const ImageRecord& image = set.images[idxs[n]];
     FrameResult result;
     result.image_idx = idxs[n];
     try {
       const GreyImage pixels = LoadGreyImage(set.FullPath(image));
-      const Result<Fix> fix = localizer.Localize(pixels.view());
+      Prior prior;
+      Camera camera;
+      if (image.camera_idx >= 0) {
+        camera = ToCamera(set.cameras[image.camera_idx]);
+        prior.camera = &camera;
+      }
+      const Result<Fix> fix = localizer.Localize(pixels.view(), prior);
       if (!fix.ok()) throw ToolError(set.FullPath(image).string() + ": " + fix.status().text());
       result.fix = *fix;
       Describe(model, localizer, image, result);
+      ComparePoses(model, world_from_map, image, result);
       evaluation.frames.push_back(std::move(result));
     } catch (const ToolError& error) {
       evaluation.skipped.push_back(error.what());

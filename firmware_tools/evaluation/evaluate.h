@@ -25,6 +25,8 @@ struct FrameResult {
   int nearest_rank = 0;          // rank, from 1, of the first keyframe of the right location
   std::optional<double> keyframe_distance;   // metres from the truth to the fix's keyframe
   std::optional<double> keyframe_angle_deg;  // between their viewing poses
+  std::optional<double> translation_error;   // metres, of the fix's pose
+  std::optional<double> rotation_error_deg;
 };
 
 struct EvaluateOptions {
@@ -36,10 +38,19 @@ struct Evaluation {
   std::vector<FrameResult> frames;
   std::vector<std::string> skipped;  // images that could not be read, with the cause
   std::size_t model_bytes = 0;
+  // Of a map that is not metric: registered training images, and what is left of their
+  // positions' errors after the map was laid over them, metres.
+  struct Alignment {
+    int images = 0;
+    double rmse = 0;
+    double median = 0;
+  };
+  std::optional<Alignment> alignment;
   bool model_has_view_labels = false;  // its views are those of the set's `view` column
 };
 
-// Localizes each image of the split alone, one after another on one thread, so that the
+// Poses of a map that is not metric are compared after a similarity that lays its keyframes over
+// the poses of the set's training images. Localizes each image of the split alone, one after another on one thread, so that the
 // times are those of one core. Throws ToolError: no images in the split, or more than a
 // fifth of them unreadable.
 Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,

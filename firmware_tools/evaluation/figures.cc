@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "firmware_tools/evaluation/evaluate.h"
@@ -16,6 +17,8 @@ using Frames = std::vector<FrameResult>;
 // A pose this far off, or farther, is a wrong answer.
 constexpr double kWrongMetres = 0.5;
 constexpr double kWrongDegrees = 10;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 // "floor10/lobby" up to its first `level` parts.
 std::string UpToLevel(const std::string& name, int level) {
@@ -71,7 +74,9 @@ class Figures {
   }
   bool LocationRight(const FrameResult& f) const { return f.location == Truth(f).location; }
   bool Wrong(const FrameResult& f) const {
-    return (HasLocation(f) && !LocationRight(f)) || (HasView(f) && f.view != Truth(f).view);
+    return (HasLocation(f) && !LocationRight(f)) || (HasView(f) && f.view != Truth(f).view) ||
+           (f.translation_error &&
+            (*f.translation_error > kWrongMetres || *f.rotation_error_deg > kWrongDegrees));
   }
   int Count(const std::function<bool(const FrameResult&)>& predicate) const {
     return static_cast<int>(
@@ -145,20 +150,46 @@ Json Figures::Retrieval() const {
           {"poses", with_pose}};
 }
 
-// No frame is localized against landmarks yet: each counts as infinitely far.
+// A frame without a pose counts as infinitely far.
 Json Figures::Pose() const {
+  struct Threshold {
+    const char* name;
+    double metres, degrees;
+  };
+  constexpr Threshold kThresholds[] = {{"0.05m_2deg", 0.05, 2},  {"0.05m_5deg", 0.05, 5},
+                                       {"0.1m_5deg", 0.1, 5},    {"0.25m_2deg", 0.25, 2},
+                                       {"0.5m_5deg", 0.5, 5},    {"5m_10deg", 5, 10}};
   const int labelled = Count([&](const FrameResult& f) { return Truth(f).pose.has_value(); });
-  Json recall = Json::object();
-  for (const char* at :
-       {"0.05m_2deg", "0.05m_5deg", "0.1m_5deg", "0.25m_2deg", "0.5m_5deg", "5m_10deg"}) {
-    recall[at] = labelled == 0 ? Json() : Json(0.0);
+  std::vector<double> metres;
+  std::vector<double> degrees;
+  int localized = 0;
+  for (const FrameResult& f : evaluation_.frames) {
+    if (!Truth(f).pose) continue;
+    const bool answered = f.fix.localized && f.translation_error.has_value();
+    localized += answered ? 1 : 0;
+    metres.push_back(answered ? *f.translation_error : kInfinity);
+    degrees.push_back(answered ? *f.rotation_error_deg : kInfinity);
   }
-  return {{"labelled", labelled},
-          {"localized", labelled == 0 ? Json() : Json(0.0)},
-          {"median_translation_m", nullptr},
-          {"median_rotation_deg", nullptr},
-          {"p90_translation_m", nullptr},
-          {"recall", recall}};
+  Json recall = Json::object();
+  for (const Threshold& at : kThresholds) {
+    int within = 0;
+    for (std::size_t i = 0; i < metres.size(); ++i) {
+      within += metres[i] <= at.metres && degrees[i] <= at.degrees ? 1 : 0;
+    }
+    recall[at.name] = Share(within, labelled);
+  }
+  Json pose = {{"labelled", labelled},
+               {"localized", Share(localized, labelled)},
+               {"median_translation_m", OrNull(Quantile(metres, 0.5))},
+               {"median_rotation_deg", OrNull(Quantile(degrees, 0.5))},
+               {"p90_translation_m", OrNull(Quantile(metres, 0.9))},
+               {"recall", recall}};
+  if (evaluation_.alignment) {
+    pose["alignment"] = {{"training_images", evaluation_.alignment->images},
+                         {"rmse_m", evaluation_.alignment->rmse},
+                         {"median_m", evaluation_.alignment->median}};
+  }
+  return pose;
 }
 
 Json Figures::Refusal() const {
@@ -224,7 +255,10 @@ Json Figures::PerFrame() const {
                     {"margin", f.fix.margin},
                     {"features", f.fix.num_features},
                     {"keyframe_distance_m", OrNull(f.keyframe_distance)},
-                    {"keyframe_angle_deg", OrNull(f.keyframe_angle_deg)}});
+                    {"keyframe_angle_deg", OrNull(f.keyframe_angle_deg)},
+                    {"inliers", f.fix.num_inliers},
+                    {"translation_error_m", OrNull(f.translation_error)},
+                    {"rotation_error_deg", OrNull(f.rotation_error_deg)}});
   }
   return rows;
 }

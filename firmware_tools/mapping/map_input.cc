@@ -3,35 +3,12 @@
 
 #include <algorithm>
 
-#include "firmware_tools/dataset/tool_file.h"
+#include "firmware_tools/dataset/calibration_file.h"
 
 namespace viewfix {
 namespace {
 
 constexpr double kNominalSide = 640;
-
-Camera ToCamera(const Calibration& calibration, const std::string& image) {
-  Camera camera{.width = calibration.width,
-                .height = calibration.height,
-                .fx = calibration.fx,
-                .fy = calibration.fy,
-                .cx = calibration.cx,
-                .cy = calibration.cy};
-  const auto& distortion = calibration.distortion;
-  const auto is_set = [](double coefficient) { return coefficient != 0; };
-  const auto used = std::find_if(distortion.rbegin(), distortion.rend(), is_set).base();
-  const auto count = static_cast<std::size_t>(used - distortion.begin());
-  if (count > camera.distortion.size()) {
-    throw ToolError(image + ": its calibration has thin prism distortion, which is not supported");
-  }
-  const bool is_plain = calibration.model == CameraModel::kBrownConrady && count == 0;
-  camera.model = is_plain ? CameraModel::kPinhole : calibration.model;
-  std::copy_n(distortion.begin(), count, camera.distortion.begin());
-  if (const Status status = camera.Validate(); !status.ok()) {
-    throw ToolError(image + ": " + Describe(status));
-  }
-  return camera;
-}
 
 int AddCamera(const Camera& camera, std::vector<Camera>& cameras) {
   const auto same = std::find(cameras.begin(), cameras.end(), camera);
@@ -53,8 +30,7 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
       throw ToolError(set.FullPath(record).string() + ": its camera is not known");
     }
     const Camera camera =
-        ToCamera(set.cameras[record.camera_idx], set.FullPath(record).string())
-            .ResizedTo(found.width, found.height);
+        ToCamera(set.cameras[record.camera_idx]).ResizedTo(found.width, found.height);
     MapFrame frame{.name = record.path,
                    .capture = record.capture,
                    .camera_idx = AddCamera(camera, input.cameras),

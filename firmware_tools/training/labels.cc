@@ -193,6 +193,21 @@ bool HasPlace(const ImageSet& set, const ImageRecord& image) {
   return !image.location.empty() || (image.pose.has_value() && !AnyLocation(set));
 }
 
+double CellSizeOf(const ImageSet& set, int images_per_cell) {
+  double walked = 0;
+  int posed = 0;
+  const ImageRecord* before = nullptr;
+  for (const ImageRecord& image : set.images) {
+    if (!image.pose) continue;
+    if (before != nullptr && before->capture == image.capture) {
+      walked += (image.pose->cam_in_world - before->pose->cam_in_world).norm();
+    }
+    before = &image;
+    ++posed;
+  }
+  return std::max(1e-6, walked * images_per_cell / std::max(1, posed));
+}
+
 Labels MakeLabels(const ImageSet& set, std::span<const int> image_idxs,
                   const Eigen::MatrixXf& gram, const LabelOptions& options) {
   if (image_idxs.empty()) {

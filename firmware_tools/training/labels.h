@@ -44,6 +44,10 @@ struct Labels {
 // location at all, a pose to make one from.
 bool HasPlace(const ImageSet& set, const ImageRecord& image);
 
+// Side of cells that hold `images_per_cell` of the posed images each, on average, where these
+// stand along a walk of one cell's width.
+double CellSizeOf(const ImageSet& set, int images_per_cell);
+
 // Labels of the images `image_idxs` (ascending).
 //   gram [n, n] dot products of their histograms: automatic views by order are cut where
 //   appearance changes

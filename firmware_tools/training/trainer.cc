@@ -16,6 +16,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
+// Where a map has no metres to make cells by.
+constexpr int kImagesPerCell = 12;
+
 Progress Begin(const StageProgress& stages, const std::string& stage) {
   return stages ? stages(stage) : Progress();
 }
@@ -186,15 +189,18 @@ std::array<float, 7> PoseRow(const std::optional<Pose>& pose) {
   return {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()};
 }
 
-void AddKeyframes(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,
+// Returns the image of each keyframe.
+std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,
                   ModelData& model) {
   const Labels& labels = prepared.labels;
   std::vector<int> order(labels.pair.size());
   for (int s = 0; s < static_cast<int>(order.size()); ++s) order[s] = s;
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return labels.pair[a] < labels.pair[b]; });
+  std::vector<int> image_idxs;
   for (const int s : order) {
     const Histogram& h = prepared.keyframe_histograms[s];
+    image_idxs.push_back(labels.image_idxs[s]);
     const std::optional<Pose> pose =
         options.use_poses ? set.images[labels.image_idxs[s]].pose : std::nullopt;
     model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));
@@ -203,8 +209,10 @@ void AddKeyframes(const ImageSet& set, const TrainOptions& options, const Prepar
     model.keyframe_word_begin.push_back(static_cast<std::uint32_t>(model.keyframe_words.size()));
     model.keyframe_has_pose.push_back(pose ? 1 : 0);
     model.keyframe_pose.push_back(PoseRow(pose));
+    model.keyframe_names.push_back(set.images[labels.image_idxs[s]].path);
     model.metric = model.metric || pose.has_value();
   }
+  return image_idxs;
 }
 
 ModelFeatures FeaturesOf(const FeatureStore& store) {
@@ -226,6 +234,36 @@ void AssignAll(const std::vector<int>& from, std::vector<T>& to) {
   for (const int value : from) to.push_back(static_cast<T>(value));
 }
 
+// Rows and columns `kept` of a square matrix.
+Eigen::MatrixXf Kept(const Eigen::MatrixXf& all, const std::vector<int>& kept) {
+  return all(kept, kept);
+}
+
+template <typename T>
+std::vector<T> Kept(const std::vector<T>& all, const std::vector<int>& kept) {
+  std::vector<T> part;
+  for (const int i : kept) part.push_back(all[i]);
+  return part;
+}
+
+// Locations and views where poses come from the map; samples that have no place then are
+// dropped. Units are the map's own, so that cells are made by the number of images in them.
+void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vector<int>& samples,
+                Preparation& prepared) {
+  const ImageSet mapped = WithMappedPoses(set, prepared.site);
+  std::vector<int> kept;
+  for (int s = 0; s < static_cast<int>(samples.size()); ++s) {
+    if (HasPlace(mapped, mapped.images[samples[s]])) kept.push_back(s);
+  }
+  prepared.histograms = Kept(prepared.histograms, kept);
+  prepared.keyframe_histograms = Kept(prepared.keyframe_histograms, kept);
+  prepared.gram = Kept(prepared.gram, kept);
+  prepared.similarities = Kept(prepared.similarities, kept);
+  LabelOptions labels = options.labels;
+  if (!prepared.site.metric) labels.cell_size = CellSizeOf(mapped, kImagesPerCell);
+  prepared.labels = MakeLabels(mapped, Kept(samples, kept), prepared.gram, labels);
+}
+
 }  // namespace
 
 FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& options,
@@ -244,10 +282,11 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
   prepared.words = ClusterDescriptors(AllDescriptors(prepared.features), dim, clustering,
                                       Begin(stages, "vocabulary"))
                        .words;
+  const bool map_first = options.map.source == MapSource::kColmap;
   std::vector<int> samples;
   for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
     const bool usable = !prepared.features.images[i].keypoints.empty();
-    if (usable && HasPlace(set, set.images[i])) samples.push_back(i);
+    if (usable && (map_first || HasPlace(set, set.images[i]))) samples.push_back(i);
   }
   const Vocabulary vocabulary(prepared.words, dim);
   for (ImageHistograms& h : BuildHistograms(prepared.features, samples, vocabulary,
@@ -259,7 +298,13 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
   prepared.gram = GramMatrix(prepared.histograms, vocabulary.size(), options.jobs);
   prepared.similarities = KeyframeSimilarities(prepared.histograms, prepared.keyframe_histograms,
                                                vocabulary.size(), options.jobs);
-  prepared.labels = MakeLabels(set, samples, prepared.gram, options.labels);
+  prepared.site =
+      MapSite(set, prepared.features, samples, prepared.gram, options.map, stages);
+  if (map_first) {
+    LabelByMap(set, options, samples, prepared);
+  } else {
+    prepared.labels = MakeLabels(set, samples, prepared.gram, options.labels);
+  }
   return prepared;
 }
 
@@ -272,6 +317,7 @@ Preparation Prepare(const ImageSet& set, const TrainOptions& options,
   CheckEmptyLocations(set, asked, features);
   Preparation prepared = PrepareFeatures(set, std::move(features), options, stages);
   CheckEnough(set, prepared.labels);
+  for (const std::string& warning : prepared.site.warnings) warnings.push_back(warning);
   prepared.warnings = std::move(warnings);
   return prepared;
 }
@@ -333,7 +379,8 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   AssignAll(labels.pair_view, model.pair_view);
   QuantizeWeights(scores, model);
   model.confidence = ConfidenceOf(labels, tried.front());
-  AddKeyframes(set, options, prepared, model);
+  const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
+  AddMapToModel(prepared.site, set, prepared.features, keyframes, options.model_map, model);
   model.record = Record(set, options, prepared, tried).dump();
   return result;
 }

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/mapping/model_map.h"
+#include "firmware_tools/mapping/site_map.h"
 #include "firmware_tools/training/feature_store.h"
 #include "firmware_tools/training/labels.h"
 #include "firmware_tools/training/score_training.h"
@@ -28,6 +30,8 @@ struct TrainOptions {
   std::optional<bool> other_views_negative;
   int folds = 4;           // of held-out blocks, >= 2
   bool use_poses = true;   // keep the poses that the set gives
+  SiteMapOptions map;      // where landmarks come from
+  ModelMapOptions model_map;
   std::uint64_t seed = 1;
   int jobs = 0;            // 0: all cores
 };
@@ -45,6 +49,7 @@ struct Preparation {
   Eigen::MatrixXf gram;                        // [samples, samples]
   Eigen::MatrixXf similarities;                // [samples as keyframes, samples as frames]
   Labels labels;
+  SiteMap site;
   std::vector<std::string> warnings;
 };
 

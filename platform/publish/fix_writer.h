@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <span>
 #include <cstdint>
 #include <string_view>
 
@@ -23,7 +24,7 @@ struct FrameTimes {
 //                             the location's slash-separated name
 //   rivals                    other locations close to the best, best first, also when not
 //                             localized
-//   pose                      null: this build does not refine poses
+//   pose                      null unless this very frame was localized against landmarks
 // Equal fixes give equal text on every processor. No heap. One instance serves one thread.
 class FixWriter {
  public:
@@ -39,6 +40,8 @@ class FixWriter {
   void Rivals(const Fix& fix);
   void Keyframe(const Fix& fix);
   void KeyframePose(int keyframe_idx);
+  void PoseIn(int map_idx, std::span<const float> t, std::span<const float> q_xyzw);
+  void Pose(const Fix& fix);
   void Reasons(const Fix& fix);
   void StageMs(const StageTimes& ms);
 

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/mapping/model_map.h"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <vector>
+
+namespace viewfix {
+namespace {
+
+// Cells of an image over which a keyframe's landmarks are spread.
+constexpr int kColumns = 6;
+constexpr int kRows = 4;
+
+constexpr float kDescriptorLength = 127;
+
+// Median of a Rayleigh distribution of unit sigma.
+constexpr double kRayleighMedian = 1.1774;
+
+int CellOf(const Camera& camera, const Eigen::Vector2d& pixel) {
+  const int column = static_cast<int>(pixel.x() * kColumns / camera.width);
+  const int row = static_cast<int>(pixel.y() * kRows / camera.height);
+  return std::clamp(row, 0, kRows - 1) * kColumns + std::clamp(column, 0, kColumns - 1);
+}
+
+// Points in the order in which they are taken: seen often, then precise.
+std::vector<int> ByWorth(const Reconstruction& map, const ModelMapOptions& options) {
+  std::vector<int> order;
+  for (int p = 0; p < static_cast<int>(map.points.size()); ++p) {
+    const MapPoint& point = map.points[p];
+    const bool stable = static_cast<int>(point.track.size()) >= options.min_track &&
+                        point.error_px <= options.max_error_px;
+    if (stable) order.push_back(p);
+  }
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    const MapPoint& first = map.points[a];
+    const MapPoint& second = map.points[b];
+    if (first.track.size() != second.track.size()) return first.track.size() > second.track.size();
+    return first.error_px < second.error_px;
+  });
+  return order;
+}
+
+// Greedy cover: a point is kept while one of its images has too few there.
+std::vector<int> ChoosePoints(const Reconstruction& map, const ModelMapOptions& options) {
+  const int quota = (options.landmarks_per_keyframe + kColumns * kRows - 1) / (kColumns * kRows);
+  std::vector<std::vector<int>> count(map.images.size(), std::vector<int>(kColumns * kRows, 0));
+  std::vector<int> chosen;
+  for (const int p : ByWorth(map, options)) {
+    bool wanted = false;
+    const auto cell = [&](const Observation& o) -> int& {
+      const MapImage& image = map.images[o.image_idx];
+      return count[o.image_idx][CellOf(map.cameras[image.camera_idx], image.keypoints[o.feature_idx])];
+    };
+    for (const Observation& o : map.points[p].track) wanted = wanted || cell(o) < quota;
+    if (!wanted) continue;
+    for (const Observation& o : map.points[p].track) ++cell(o);
+    chosen.push_back(p);
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+class Writer {
+ public:
+  Writer(const ImageSet& set, const FeatureStore& features,
+         std::span<const int> keyframe_image_idxs, ModelData& model)
+      : features_(features), model_(model) {
+    for (int i = 0; i < static_cast<int>(set.images.size()); ++i) idx_of_[set.images[i].path] = i;
+    for (int k = 0; k < static_cast<int>(keyframe_image_idxs.size()); ++k) {
+      keyframe_of_[keyframe_image_idxs[k]] = k;
+    }
+    seen_.resize(keyframe_image_idxs.size());
+    model_.map_begin = {0};
+  }
+
+  void AddMap(const Reconstruction& map, const std::vector<int>& chosen) {
+    AddFrame(map, chosen);
+    for (const int p : chosen) AddLandmark(map, map.points[p]);
+    model_.map_begin.push_back(static_cast<std::uint32_t>(model_.landmark_position.size()));
+    for (const MapImage& image : map.images) GivePose(image);
+  }
+
+  void Finish(const Reconstruction& largest) {
+    model_.keyframe_landmark_begin = {0};
+    for (std::vector<std::uint32_t>& seen : seen_) {
+      std::sort(seen.begin(), seen.end());
+      seen.erase(std::unique(seen.begin(), seen.end()), seen.end());
+      model_.keyframe_landmarks.insert(model_.keyframe_landmarks.end(), seen.begin(), seen.end());
+      model_.keyframe_landmark_begin.push_back(
+          static_cast<std::uint32_t>(model_.keyframe_landmarks.size()));
+    }
+    SetCamera(largest.cameras[largest.images.front().camera_idx]);
+    const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(errors_.size() / 2);
+    std::nth_element(errors_.begin(), middle, errors_.end());
+    model_.pixel_sigma = std::max(1e-3F, static_cast<float>(*middle / kRayleighMedian));
+  }
+
+ private:
+  const ImageFeatures& FeaturesOf(const MapImage& image) const {
+    return features_.images[idx_of_.at(image.name)];
+  }
+
+  // The box that the landmarks fill, cut into 65535 steps along its longest side.
+  void AddFrame(const Reconstruction& map, const std::vector<int>& chosen) {
+    Eigen::AlignedBox3d box;
+    for (const int p : chosen) box.extend(map.points[p].position);
+    origin_ = box.center().cast<float>().cast<double>();
+    const double half = (box.max() - origin_).cwiseMax(origin_ - box.min()).maxCoeff();
+    const auto step = static_cast<float>(std::max(half, 1e-3) * 1.0001 / 32767);
+    step_ = double{step};
+    model_.map_origin.push_back({static_cast<float>(origin_.x()), static_cast<float>(origin_.y()),
+                                 static_cast<float>(origin_.z())});
+    model_.map_step.push_back(step);
+  }
+
+  void AddLandmark(const Reconstruction& map, const MapPoint& point) {
+    const auto landmark = static_cast<std::uint32_t>(model_.landmark_position.size());
+    const Eigen::Vector3d steps = (point.position - origin_) / step_;
+    std::array<std::int16_t, 3> position;
+    for (int axis = 0; axis < 3; ++axis) {
+      position[axis] = static_cast<std::int16_t>(std::lround(steps[axis]));
+    }
+    model_.landmark_position.push_back(position);
+    Eigen::VectorXf sum = Eigen::VectorXf::Zero(features_.dim);
+    int sign = 0;
+    for (const Observation& o : point.track) {
+      const MapImage& image = map.images[o.image_idx];
+      const ImageFeatures& found = FeaturesOf(image);
+      for (int d = 0; d < features_.dim; ++d) {
+        sum[d] += found.descriptors[std::size_t(o.feature_idx) * features_.dim + d];
+      }
+      sign += found.keypoints[o.feature_idx].laplacian_sign;
+      AddError(map, image, o, point);
+      const auto keyframe = keyframe_of_.find(idx_of_.at(image.name));
+      if (keyframe != keyframe_of_.end()) seen_[keyframe->second].push_back(landmark);
+    }
+    const float scale = kDescriptorLength / std::max(sum.norm(), 1e-6F);
+    for (int d = 0; d < features_.dim; ++d) {
+      const float value = std::clamp(std::round(sum[d] * scale), -127.0F, 127.0F);
+      model_.landmark_descriptors.push_back(static_cast<std::int8_t>(value));
+    }
+    model_.landmark_laplacian_sign.push_back(
+        static_cast<std::int8_t>(sign > 0 ? 1 : sign < 0 ? -1 : 0));
+  }
+
+  // Of an observation, in units of its key point's scale.
+  void AddError(const Reconstruction& map, const MapImage& image, const Observation& o,
+                const MapPoint& point) {
+    Eigen::Vector2d pixel;
+    if (!map.cameras[image.camera_idx].Project(image.cam_from_world * point.position, pixel)) return;
+    const double scale = double{FeaturesOf(image).keypoints[o.feature_idx].sigma};
+    errors_.push_back((pixel - image.keypoints[o.feature_idx]).norm() / scale);
+  }
+
+  void GivePose(const MapImage& image) {
+    const auto keyframe = keyframe_of_.find(idx_of_.at(image.name));
+    if (keyframe == keyframe_of_.end()) return;
+    const Rigid3 world_from_cam = Inverse(image.cam_from_world);
+    const auto t = world_from_cam.translation.cast<float>();
+    const auto q = world_from_cam.rotation.cast<float>();
+    model_.keyframe_has_pose[keyframe->second] = 1;
+    model_.keyframe_pose[keyframe->second] = {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()};
+  }
+
+  void SetCamera(const Camera& camera) {
+    model_.camera.model = static_cast<std::uint8_t>(camera.model);
+    model_.camera.width = camera.width;
+    model_.camera.height = camera.height;
+    model_.camera.intrinsics = {camera.fx, camera.fy, camera.cx, camera.cy};
+    model_.camera.distortion = camera.distortion;
+  }
+
+  const FeatureStore& features_;
+  ModelData& model_;
+  std::map<std::string, int> idx_of_;  // of an image, by name
+  std::map<int, int> keyframe_of_;     // by image
+  std::vector<std::vector<std::uint32_t>> seen_;  // [keyframes] landmarks
+  std::vector<double> errors_;
+  Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
+  double step_ = 1;
+};
+
+}  // namespace
+
+void AddMapToModel(const SiteMap& site, const ImageSet& set, const FeatureStore& features,
+                   std::span<const int> keyframe_image_idxs, const ModelMapOptions& options,
+                   ModelData& model) {
+  std::vector<std::vector<int>> chosen;
+  std::size_t total = 0;
+  for (const Reconstruction& map : site.maps) {
+    chosen.push_back(ChoosePoints(map, options));
+    total += chosen.back().size();
+  }
+  if (total == 0) return;
+  Writer writer(set, features, keyframe_image_idxs, model);
+  for (std::size_t m = 0; m < site.maps.size(); ++m) writer.AddMap(site.maps[m], chosen[m]);
+  writer.Finish(site.maps.front());
+  model.metric = site.metric;
+}
+
+}  // namespace viewfix
