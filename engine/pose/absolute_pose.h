@@ -39,7 +39,7 @@ struct AbsolutePoseOptions {
 struct AbsolutePose {
   bool found = false;
   RefinedPose pose;     // over the inliers; its `found` is this one's
-  int num_inliers = 0;  // of AbsolutePoseEstimator::inliers()
+  int num_inliers = 0;  // of the best pose, also where they are too few
   double score = 0;     // sum over the inliers of 1 - (error / max_error)^2: MSAC
   int num_iterations = 0;
 };
