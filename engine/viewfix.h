@@ -32,7 +32,8 @@ typedef enum viewfix_status {
 enum {
   VIEWFIX_TOO_FEW_FEATURES = 1 << 0,
   VIEWFIX_UNKNOWN_PLACE = 1 << 1,
-  VIEWFIX_AMBIGUOUS = 1 << 2
+  VIEWFIX_AMBIGUOUS = 1 << 2,
+  VIEWFIX_LOW_INLIERS = 1 << 3
 };
 
 /* An opened model and the memory to localize with it. */
@@ -53,7 +54,11 @@ typedef struct viewfix_fix {
   int32_t keyframe_has_pose; /* 1: keyframe_pose holds its pose */
   float keyframe_pose[7];    /* world_from_cam: tx ty tz, qx qy qz qw; camera x right, y down, z
                                 forward; metres if the model is metric, else its own unit */
-  int32_t pose_valid; /* 1: a pose of this very image was computed; always 0 in this version */
+  int32_t pose_valid;  /* 1: a pose of this very image was computed; the rest holds it */
+  int32_t pose_map;    /* maps of one model have frames of reference of their own */
+  double pose[7];      /* as keyframe_pose */
+  float covariance[21]; /* upper triangle, row by row, of [t; left rotation vector, radians] */
+  int32_t inliers;     /* landmarks that agree with the pose */
 } viewfix_fix;
 
 /* "0.1.0" */

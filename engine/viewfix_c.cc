@@ -83,10 +83,24 @@ Result<std::unique_ptr<viewfix_localizer>> Open(std::span<const std::uint8_t> by
   return std::make_unique<viewfix_localizer>(*model, std::move(*localizer));
 }
 
+void FillPose(const Fix& fix, viewfix_fix& out) {
+  out.pose_valid = 1;
+  out.pose_map = fix.map_idx;
+  const Eigen::Vector3d& t = fix.world_from_cam.translation;
+  const Eigen::Vector4d& q = fix.world_from_cam.rotation.coeffs();  // x y z w
+  std::copy(t.begin(), t.end(), out.pose);
+  std::copy(q.begin(), q.end(), out.pose + 3);
+  float* next = out.covariance;
+  for (int row = 0; row < 6; ++row) {
+    for (int col = row; col < 6; ++col) *next++ = static_cast<float>(fix.covariance(row, col));
+  }
+}
+
 void FillAnswer(const viewfix_localizer& from, const Fix& fix, viewfix_fix& out) {
   const ModelKeyframes& keyframes = from.model.keyframes();
   out.location = from.locations[fix.location_idx].c_str();
   out.view = from.views[from.model.scoring().pair_view[fix.pair_idx]].c_str();
+  if (fix.has_pose) FillPose(fix, out);
   if (fix.keyframe_idx < 0) return;
   out.keyframe_id = fix.keyframe_idx;
   out.keyframe_has_pose = keyframes.has_pose[fix.keyframe_idx];
@@ -101,6 +115,7 @@ viewfix_fix ToC(const viewfix_localizer& from, const Fix& fix) {
   out.confidence = fix.confidence;
   out.score = fix.score;
   out.margin = fix.margin;
+  out.inliers = fix.num_inliers;
   out.keyframe_id = -1;
   if (fix.localized) FillAnswer(from, fix, out);
   return out;

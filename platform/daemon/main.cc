@@ -10,6 +10,7 @@
 
 #include "engine/localizer.h"
 #include "models/model_view.h"
+#include "platform/camera/calibration.h"
 #include "platform/camera/frame_source.h"
 #include "platform/clock.h"
 #include "platform/daemon/options.h"
@@ -47,14 +48,21 @@ int Run(const DaemonOptions& options) {
   if (!model.ok()) return Fail(AboutFile(options.model_path, model.status()));
   Result<Localizer> localizer = Localizer::Create(*model, {.now_ns = MonotonicNs});
   if (!localizer.ok()) return Fail(AboutFile(options.model_path, localizer.status()));
+  Camera camera;
+  if (!options.calibration_path.empty()) {
+    const Result<Camera> read = ReadCalibration(options.calibration_path);
+    if (!read.ok()) return Fail(read.status());
+    camera = *read;
+  }
   const Result<std::unique_ptr<FrameSource>> source = OpenReplay(options.replay_folder);
   if (!source.ok()) return Fail(source.status());
 
   FixWriter writer(*model);
   const std::unique_ptr<Publisher> publisher = MakeStreamPublisher(STDOUT_FILENO);
   RunReport report;
-  const Status status =
-      RunLoop(**source, options.rotate_deg, *localizer, writer, *publisher, g_stop, report);
+  const Status status = RunLoop(**source, options.rotate_deg,
+                                options.calibration_path.empty() ? nullptr : &camera, *localizer,
+                                writer, *publisher, g_stop, report);
   if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
   if (!status.ok() && g_stop == 0) return Fail(status);
   std::fprintf(stderr,

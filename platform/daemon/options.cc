@@ -10,12 +10,13 @@ namespace {
 
 constexpr std::string_view kReplay = "replay:";
 
-enum Flag : int { kModel = 1, kCamera, kPublish, kRotate, kHelp, kVersion };
+enum Flag : int { kModel = 1, kCamera, kPublish, kCalibration, kRotate, kHelp, kVersion };
 
 constexpr option kFlags[] = {
     {"model", required_argument, nullptr, kModel},
     {"camera", required_argument, nullptr, kCamera},
     {"publish", required_argument, nullptr, kPublish},
+    {"calibration", required_argument, nullptr, kCalibration},
     {"rotate", required_argument, nullptr, kRotate},
     {"help", no_argument, nullptr, kHelp},
     {"version", no_argument, nullptr, kVersion},
@@ -51,6 +52,9 @@ std::string Take(int flag, const std::string& value, DaemonOptions& options) {
       return {};
     case kPublish:
       return value == "stdout" ? "" : "--publish " + value + ": this build has stdout only";
+    case kCalibration:
+      options.calibration_path = value;
+      return value.empty() ? "--calibration needs a file" : "";
     case kRotate:
       options.rotate_deg = RotationOf(value);
       return options.rotate_deg >= 0 ? "" : "--rotate " + value + ": not 0, 90, 180 or 270";
@@ -86,11 +90,14 @@ DaemonOptions ParseDaemonOptions(int argc, char** argv) {
 const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame on stdout.
 
-  viewfixd --model FILE --camera replay:DIR [--publish stdout] [--rotate DEG]
+  viewfixd --model FILE --camera replay:DIR [--calibration FILE] [--publish stdout]
+           [--rotate DEG]
 
   --model FILE         the model that `viewfix train` made
   --camera replay:DIR  the *.jpg of a folder in name order, or, where the folder holds
                        images.csv, the files of its path column in row order
+  --calibration FILE   of the camera, in OpenCV's or ROS's YAML, for frames as they are after
+                       --rotate; default: the camera that the site was photographed with
   --publish stdout     where fixes go (the default)
   --rotate DEG         turn frames clockwise first: 0, 90, 180 or 270
   --help, --version    print and end

@@ -13,7 +13,8 @@ struct DaemonOptions {
   std::string error;  // kWrongUsage: what is wrong
   std::string model_path;
   std::string replay_folder;
-  int rotate_deg = 0;  // clockwise, before localizing: 0, 90, 180, 270
+  std::string calibration_path;  // empty: the model's camera
+  int rotate_deg = 0;            // clockwise, before localizing: 0, 90, 180, 270
 };
 
 // Reads the arguments of main(); call once a process (getopt keeps its place).

@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "engine/pose/motion_model.h"
 #include "platform/camera/orient.h"
 #include "platform/clock.h"
 
@@ -35,8 +36,10 @@ void PrintFault(const Status& status) {
   std::fprintf(stderr, "%s\n", line.c_str());
 }
 
-Status RunLoop(FrameSource& source, int rotate_deg, Localizer& localizer, FixWriter& writer,
-               Publisher& publisher, const volatile std::sig_atomic_t& stop, RunReport& report) {
+Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Localizer& localizer,
+               FixWriter& writer, Publisher& publisher, const volatile std::sig_atomic_t& stop,
+               RunReport& report) {
+  MotionModel motion;
   Frame frame;
   GreyImage turned;
   while (stop == 0) {
@@ -51,10 +54,22 @@ Status RunLoop(FrameSource& source, int rotate_deg, Localizer& localizer, FixWri
       Orient(frame.image, OrientationOf(rotate_deg), turned);
       std::swap(frame.image, turned);
     }
-    const Result<Fix> fix = localizer.Localize(frame.image.view());
+    const auto prediction = motion.Predict(frame.sequence);
+    Prior prior;
+    prior.camera = camera;
+    if (prediction) {
+      prior.cam_from_world = &prediction->cam_from_world;
+      prior.map_idx = prediction->map_idx;
+    }
+    const Result<Fix> fix = localizer.Localize(frame.image.view(), prior);
     if (!fix.ok()) return fix.status();
     ++report.frames;
     if (fix->localized) ++report.localized;
+    if (fix->has_pose) {
+      motion.Update(frame.sequence, fix->map_idx, fix->world_from_cam);
+    } else {
+      motion.Lose();
+    }
     const Status published = publisher.Publish(writer.Write(TimesOf(frame), *fix));
     if (!published.ok()) return published;
   }

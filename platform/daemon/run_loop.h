@@ -20,8 +20,11 @@ struct RunReport {
 // Frame after frame: read, turn upright, localize, publish; until the source ends or `stop`
 // is set. An unreadable frame is reported on stderr and passed over. Returns why publishing
 // or localizing is impossible (kCancelled: the reader of the output is gone), else ok.
-Status RunLoop(FrameSource& source, int rotate_deg, Localizer& localizer, FixWriter& writer,
-               Publisher& publisher, const volatile std::sig_atomic_t& stop, RunReport& report);
+// `camera`: of the frames once upright; null: the model's own. A frame is first looked for where
+// the frames before it lead.
+Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Localizer& localizer,
+               FixWriter& writer, Publisher& publisher, const volatile std::sig_atomic_t& stop,
+               RunReport& report);
 
 // "text: detail" on stderr, after the program's name: one line.
 void PrintFault(const Status& status);
