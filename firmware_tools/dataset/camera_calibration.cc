@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/imgproc.hpp>
 #include <opencv2/videoio.hpp>
 #include <set>
@@ -76,6 +77,7 @@ void KeepEvenly(std::vector<BoardView>& views, std::size_t most) {
 }
 
 BoardViews FindInVideo(const fs::path& source, const CharucoSpec& spec, const Progress& report) {
+  cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // of each backend
   cv::VideoCapture video(source.string());
   if (!video.isOpened()) throw ToolError("cannot read video " + source.string());
   const int frames = static_cast<int>(video.get(cv::CAP_PROP_FRAME_COUNT));
@@ -233,8 +235,8 @@ class Calibrator {
   }
 
   Rigid3 CamFromBoard(std::size_t used_idx) const {
-    const cv::Mat r = rotations_[used_idx], t = translations_[used_idx];
-    const Eigen::Map<const Eigen::Vector3d> rotation(r.ptr<double>()), translation(t.ptr<double>());
+    const Eigen::Map<const Eigen::Vector3d> rotation(rotations_[used_idx].val);
+    const Eigen::Map<const Eigen::Vector3d> translation(translations_[used_idx].val);
     const double angle = rotation.norm();
     const Eigen::Vector3d axis =
         angle > 0 ? Eigen::Vector3d(rotation / angle) : Eigen::Vector3d::UnitX();
@@ -296,7 +298,7 @@ class Calibrator {
   std::vector<Eigen::Vector3d> corners_;
   CameraModel model_;
   Camera camera_;
-  std::vector<cv::Mat> rotations_, translations_;  // [views in use]
+  std::vector<cv::Vec3d> rotations_, translations_;  // [views in use]
   CameraCalibration result_;
 };
 

@@ -33,9 +33,10 @@ struct CalibratedView {
 
 struct CameraCalibration {
   Calibration calibration;
-  double rms_px = 0;                  // over the corners used
-  double focal_sigma_share = 0;       // standard deviation of fx as a share of it
-  double coverage = 0;                // share of 6 x 4 cells of the image that hold a corner
+  double rms_px = 0;  // over the corners used
+  double focal_sigma_share =
+      0;                // standard deviation of fx as a share of it; 0: not known (fisheye)
+  double coverage = 0;  // share of 6 x 4 cells of the image that hold a corner
   std::vector<CalibratedView> views;  // in the order of the boards
 };
 
@@ -43,7 +44,7 @@ struct CameraCalibration {
 // (cv::fisheye::calibrate). Views of fewer than 8 corners are not used; views that fit worse than
 // 2.5 times the median are dropped. Throws ToolError saying what to photograph: fewer than 6
 // usable views, corners in fewer than half of the cells, the board always held alike (planes
-// within 15 degrees), or a focal length known no better than to 1 %.
+// within 15 degrees), or a Brown-Conrady focal length known no better than to 1 %.
 CameraCalibration CalibrateCamera(const BoardViews& boards, const CharucoSpec& spec,
                                   CameraModel model);
 

@@ -123,7 +123,8 @@ BoardView FindBoard(const GreyImage& image, const CharucoSpec& spec, const std::
 
 std::vector<Eigen::Vector3d> BoardCorners(const CharucoSpec& spec) {
   std::vector<Eigen::Vector3d> corners;
-  for (const cv::Point3f& corner : MakeBoard(spec)->chessboardCorners) {
+  const cv::Ptr<cv::aruco::CharucoBoard> board = MakeBoard(spec);
+  for (const cv::Point3f& corner : board->chessboardCorners) {
     corners.emplace_back(corner.x, corner.y, corner.z);
   }
   return corners;

@@ -264,7 +264,7 @@ void AddPoseColumns(std::vector<Column>& columns) {
     columns.push_back({kPoseColumns[i], [i](const ImageRecord& image) -> std::string {
                          if (!image.pose) return {};
                          return ExactNumber(i < 3 ? image.pose->cam_in_world[i]
-                                             : image.pose->world_from_cam.coeffs()[i - 3]);
+                                                  : image.pose->world_from_cam.coeffs()[i - 3]);
                        }});
   }
 }

@@ -57,8 +57,8 @@ struct ImageSet {
 };
 
 // `path`: a folder, or a CSV file. A folder without images.csv may be described by its
-// transforms.json or COLMAP model instead (pose_import.h). Throws ToolError naming file, line and cause: no such
-// folder, no `path` column, a duplicate path, a pose column missing or not finite, a
+// transforms.json or COLMAP model instead (pose_import.h). Throws ToolError naming file, line and
+// cause: no such folder, no `path` column, a duplicate path, a pose column missing or not finite, a
 // quaternion far from unit length, a split other than train/test, a broken calibration.
 // Files named but absent are not an error here: reading them is.
 ImageSet LoadImageSet(const std::filesystem::path& path);

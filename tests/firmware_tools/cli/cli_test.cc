@@ -83,7 +83,8 @@ TEST_F(CliTest, FromPhotographsToFigures) {
   EXPECT_EQ(figures["location"]["labelled"], 6);
   EXPECT_GE(figures["location"]["accuracy"], 0.8);
   EXPECT_GE(figures["view"]["accuracy"], 0.8);
-  for (const char* key : {"model_bytes", "retrieval", "pose", "refusal", "confidence", "latency_ms"}) {
+  for (const char* key :
+       {"model_bytes", "retrieval", "pose", "refusal", "confidence", "latency_ms"}) {
     EXPECT_TRUE(figures.contains(key)) << key;
   }
   EXPECT_TRUE(figures["unknown"].is_null());
@@ -110,7 +111,8 @@ TEST_F(CliTest, EvalOfAnUnknownPlace) {
   const std::string site = Site();
   ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
   const std::string json = folder_ / "f.json";
-  ASSERT_EQ(Viewfix({"eval", site, "--model", Model(), "--unknown", site, "--json", json}).exit_code, 0);
+  ASSERT_EQ(
+      Viewfix({"eval", site, "--model", Model(), "--unknown", site, "--json", json}).exit_code, 0);
   EXPECT_EQ(nlohmann::json::parse(std::ifstream(json))["unknown"]["images"], 36);
 }
 
@@ -178,7 +180,8 @@ TEST_F(CliTest, OddSizesAreSkipped) {
   const std::string site = Site();
   const std::vector<std::uint8_t> dot = {7};
   folder_.Write("site/dot.jpg", EncodeJpeg(dot, 1, 1, 1));
-  folder_.Write("site/strip.jpg", EncodeJpeg(std::vector<std::uint8_t>(20000 * 10, 90), 20000, 10, 1));
+  folder_.Write("site/strip.jpg",
+                EncodeJpeg(std::vector<std::uint8_t>(20000 * 10, 90), 20000, 10, 1));
   AppendRow("dot.jpg,bar,left,train");
   AppendRow("strip.jpg,bar,left,train");
   const ProgramRun run = TrainSite(site, Model());
@@ -246,11 +249,11 @@ TEST_F(CliTest, AFullDiskLeavesNothing) {
 
 TEST_F(CliTest, CtrlCWhileTrainingLeavesNothing) {
   const std::string site = Site(40);
-  const ProgramRun run = RunProgram(
-      {"/bin/bash", "-c",
-       "\"$0\" train \"$1\" --out \"$2\" --words 200 2> \"$3\" & p=$!; "
-       "until grep -q features \"$3\"; do :; done; kill -TERM $p; wait $p",
-       VIEWFIX, site, Model(), folder_ / "log"});
+  const ProgramRun run =
+      RunProgram({"/bin/bash", "-c",
+                  "\"$0\" train \"$1\" --out \"$2\" --words 200 2> \"$3\" & p=$!; "
+                  "until grep -q features \"$3\"; do :; done; kill -TERM $p; wait $p",
+                  VIEWFIX, site, Model(), folder_ / "log"});
   EXPECT_EQ(run.exit_code, 1);
   const auto log = *ReadFile(folder_ / "log");
   EXPECT_THAT(std::string(log.begin(), log.end()), HasSubstr("interrupted"));
@@ -288,8 +291,7 @@ TEST_F(CliTest, CheckReports) {
   folder_.Write("site/text.jpg", std::string_view("not an image"));
   AppendRow("text.jpg,bar,left,train");
   const std::string json = folder_ / "check.json";
-  const ProgramRun run =
-      Viewfix({"check", site, "--json", json, "--max-features", "100"});
+  const ProgramRun run = Viewfix({"check", site, "--json", json, "--max-features", "100"});
   EXPECT_EQ(run.exit_code, 0) << run.err;
   EXPECT_THAT(run.out, HasSubstr("text.jpg"));
   const auto report = nlohmann::json::parse(std::ifstream(json));

@@ -115,7 +115,7 @@ TEST(Calibrate, RecoversTheCameraAndDropsABentBoard) {
 
 TEST(Calibrate, RecoversAFisheye) {
   const TempFolder folder;
-  WriteAll(Photographs(kFisheye, DozenPoses(0.2), PrintedBoard(folder)), folder);
+  WriteAll(Photographs(kFisheye, DozenPoses(0.15), PrintedBoard(folder)), folder);
   const BoardViews boards = FindBoards(folder / "photos", kSpec, {});
   const CameraCalibration result = CalibrateCamera(boards, kSpec, CameraModel::kKannalaBrandt);
   ExpectNear(ToCamera(result.calibration), kFisheye);
@@ -174,7 +174,7 @@ TEST(Calibrate, RefusesThinMaterial) {
   EXPECT_THAT(ErrorOf(Perfect(kBrown, poses)), HasSubstr("usable in 5 of 5 images, and 6"));
   EXPECT_THAT(ErrorOf({640, 480, {}, 0}), HasSubstr("usable in 0"));
   std::vector<Rigid3> far, alike;
-  for (const Rigid3& pose : DozenPoses(1)) far.push_back({pose.rotation, {-0.1, -0.1, 1.6}});
+  for (const Rigid3& pose : DozenPoses(1)) far.push_back({pose.rotation, {-0.1, -0.1, 3}});
   EXPECT_THAT(ErrorOf(Perfect(kBrown, far)), HasSubstr("covers"));
   for (int i = 0; i < 8; ++i) alike.push_back(CamFromBoard(0.3 + 0.02 * i, 0, 0, i, 0, 0));
   EXPECT_NE(ErrorOf(Perfect(kBrown, alike)), "no error");
