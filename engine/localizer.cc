@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -58,7 +59,17 @@ bool SameShape(const Camera& camera, int width, int height) {
   return std::abs(expected - height) <= 0.01 * height + 1;
 }
 
+// A rotation and a place that squared distances can be made from.
+bool IsPose(const Rigid3& pose) {
+  const double norm2 = pose.rotation.squaredNorm();
+  return pose.translation.cwiseAbs().maxCoeff() < 1e12 && pose.translation.allFinite() &&
+         norm2 > 0.999 && norm2 < 1.001;
+}
+
 Status CheckPrior(const Prior& prior, const ImageView& image) {
+  if (prior.cam_from_world != nullptr && !IsPose(*prior.cam_from_world)) {
+    return {StatusCode::kInvalidArgument, "the pose expected is none"};
+  }
   if (prior.camera == nullptr) return {};
   if (Status status = prior.camera->Validate(); !status.ok()) return status;
   if (!SameShape(*prior.camera, image.width, image.height)) {
@@ -211,6 +222,7 @@ int Localizer::State::BestOtherLocation(const Fix& fix) const {
 }
 
 void Localizer::State::FindRivals(Fix& fix) const {
+  fix.num_rivals = 0;
   int other = BestOtherLocation(fix);
   if (other < 0) return;
   const float best_score = location_scores[fix.location_idx];
@@ -235,7 +247,8 @@ void Localizer::State::Decide(Fix& fix) const {
 std::span<const int> Localizer::State::PromisingKeyframes() {
   const float weight = model.scoring().keyframe_weight;
   const auto promise = [&](int k) {
-    return pair_scores[model.keyframes().pair[k]] + weight * keyframe_similarities[k];
+    const float sum = pair_scores[model.keyframes().pair[k]] + weight * keyframe_similarities[k];
+    return std::isnan(sum) ? -std::numeric_limits<float>::infinity() : sum;  // none is in no order
   };
   keyframe_order.resize(model.keyframes().size);
   std::iota(keyframe_order.begin(), keyframe_order.end(), 0);
@@ -250,6 +263,7 @@ std::span<const int> Localizer::State::PromisingKeyframes() {
 }
 
 void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
+  if (!pose_finder) return;
   const Camera& known = prior.camera != nullptr ? *prior.camera : model_camera;
   refine_focal = !SameShape(known, width, height);
   camera = refine_focal ? GuessCamera(known, width, height) : known.ResizedTo(width, height);
@@ -288,6 +302,8 @@ void Localizer::State::FindPose(Fix& fix) {
   if (found.found) {
     TakePose(found, fix);
     fix.reasons = 0;
+    fix.score = pair_scores[fix.pair_idx];
+    FindRivals(fix);  // of the place that the landmarks name
     return;
   }
   fix.num_inliers = found.num_inliers;

@@ -53,16 +53,17 @@ struct Fix {
   // Where the camera stands; only if this very frame was localized against landmarks.
   bool has_pose = false;
   int map_idx = -1;  // of the model's maps; each has its own frame of reference
-  Rigid3 world_from_cam;
+  Rigid3 world_from_cam = {};
   // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   int num_inliers = 0;  // landmarks that agree with the pose
   float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
-  float margin = 0;       // best location's score, keyframes counted in, less the best other's
+  float margin = 0;       // location's score, keyframes counted in, less the best other's; below
+                          // zero where landmarks overrule the scores
   int num_rivals = 0;     // other locations close to the best, best first
   int rivals[kMaxRivals] = {};
   int num_features = 0;
-  StageTimes ms;
+  StageTimes ms = {};
 };
 
 struct LocalizerOptions {
@@ -99,8 +100,9 @@ class Localizer {
   ~Localizer();
 
   // Where `image` was taken. Not knowing is an answer (Fix::localized == false, with
-  // reasons). Errors: an empty view, one larger than kMaxImageSide / kMaxImagePixels, or a
-  // prior camera that is not valid or has another shape than the image.
+  // reasons). Errors: an empty view, one larger than kMaxImageSide / kMaxImagePixels, a
+  // prior camera that is not valid or has another shape than the image, or a prior pose that is
+  // not finite or no rotation.
   Result<Fix> Localize(const ImageView& image, const Prior& prior = {});
 
   // Of the last Localize(): the score of every (location, view) pair, eq. (5) alone; the score

@@ -18,6 +18,7 @@
 static_assert(std::uint32_t{VIEWFIX_TOO_FEW_FEATURES} == std::uint32_t{viewfix::kTooFewFeatures});
 static_assert(std::uint32_t{VIEWFIX_UNKNOWN_PLACE} == std::uint32_t{viewfix::kUnknownPlace});
 static_assert(std::uint32_t{VIEWFIX_AMBIGUOUS} == std::uint32_t{viewfix::kAmbiguous});
+static_assert(std::uint32_t{VIEWFIX_LOW_INLIERS} == std::uint32_t{viewfix::kLowInliers});
 
 struct viewfix_localizer {
   viewfix_localizer(const viewfix::ModelView& view, viewfix::Localizer made)

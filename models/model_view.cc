@@ -253,8 +253,9 @@ Status ModelView::LoadCamera() {
   if (c == nullptr) return {};
   camera_ = {c->model(), c->width(), c->height(), Span(c->intrinsics()), Span(c->distortion())};
   const bool valid = camera_.width >= 1 && camera_.height >= 1 && camera_.intrinsics.size() == 4 &&
-                     camera_.distortion.size() == 8 && AllFinite(camera_.intrinsics) &&
-                     AllFinite(camera_.distortion) && camera_.intrinsics[0] > 0 &&
+                     camera_.distortion.size() == 8 && camera_.model >= 1 && camera_.model <= 3 &&
+                     AllFinite(camera_.intrinsics) && AllFinite(camera_.distortion) &&
+                     camera_.intrinsics[0] > 0 &&
                      camera_.intrinsics[1] > 0;
   return valid ? Status() : Corrupt("model's camera is out of range");
 }
@@ -282,6 +283,10 @@ Status ModelView::LoadLandmarks() {
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
   if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
     return Corrupt("model's landmarks hold a number that is out of range");
+  }
+  const auto is_sign = [](std::int8_t sign) { return sign >= -1 && sign <= 1; };
+  if (!std::all_of(m.laplacian_sign.begin(), m.laplacian_sign.end(), is_sign)) {
+    return Corrupt("model's landmark has no sign");
   }
   for (std::size_t i = 0; i < maps; ++i) {
     if (m.map_begin[i] > m.map_begin[i + 1] || !std::isfinite(m.map_step[i]) ||

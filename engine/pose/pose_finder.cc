@@ -20,6 +20,8 @@ constexpr int kMinStart = 6;
 constexpr int kCertainTimes = 3;
 // Keyframes whose landmarks are looked for around a pose.
 constexpr int kNeighbours = 12;
+// Views more unlike than this are not finite.
+constexpr double kNoView = 1e30;
 // Keyframes of a group must share so many landmarks with it.
 constexpr int kMinShared = 3;
 // Rounds of guided matching; the radius shrinks to kFinalRadiusSigma after the first.
@@ -280,7 +282,8 @@ void PoseFinder::State::GatherNear(int map, const Rigid3& cam_from_world) {
   for (int k = 0; k < keyframes.size; ++k) {
     const auto seen = LandmarksOf(k);
     if (seen.empty() || model.MapOf(seen.front()) != map) continue;
-    ranked.emplace_back(Unlike(world_from_cam, KeyframePose(k)), k);
+    const double unlike = Unlike(world_from_cam, KeyframePose(k));
+    if (unlike < kNoView) ranked.emplace_back(unlike, k);  // numbers that are none are in no order
   }
   std::sort(ranked.begin(), ranked.end());
   ClearCandidates();

@@ -89,22 +89,6 @@ PoseError ErrorOf(const Similarity& world_from_map, const Rigid3& map_from_cam, 
           rotation.angularDistance(truth.world_from_cam) * 180 / std::numbers::pi};
 }
 
-void ComparePoses(const ModelView& model, const Similarity& world_from_map,
-                  const ImageRecord& image, FrameResult& result) {
-  if (!image.pose) return;
-  const int k = result.fix.keyframe_idx;
-  if (k >= 0 && model.keyframes().has_pose[k] != 0) {
-    const PoseError error = ErrorOf(world_from_map, KeyframePose(model, k), *image.pose);
-    result.keyframe_distance = error.metres;
-    result.keyframe_angle_deg = error.degrees;
-  }
-  if (result.fix.has_pose) {
-    const PoseError error = ErrorOf(world_from_map, result.fix.world_from_cam, *image.pose);
-    result.translation_error = error.metres;
-    result.rotation_error_deg = error.degrees;
-  }
-}
-
 bool InFirstMap(const ModelView& model, int k) {
   const ModelKeyframes& keyframes = model.keyframes();
   if (keyframes.has_pose[k] == 0) return false;
@@ -113,10 +97,29 @@ bool InFirstMap(const ModelView& model, int k) {
          model.MapOf(keyframes.landmarks[begin]) == 0;
 }
 
+// Where the set's poses say nothing of the map's frame of reference, nothing is compared.
+void ComparePoses(const ModelView& model, const std::optional<Similarity>& world_from_map,
+                  const ImageRecord& image, FrameResult& result) {
+  if (!image.pose || !world_from_map) return;
+  const bool one_frame = model.metric() || !model.has_landmarks();
+  const int k = result.fix.keyframe_idx;
+  if (k >= 0 && model.keyframes().has_pose[k] != 0 && (one_frame || InFirstMap(model, k))) {
+    const PoseError error = ErrorOf(*world_from_map, KeyframePose(model, k), *image.pose);
+    result.keyframe_distance = error.metres;
+    result.keyframe_angle_deg = error.degrees;
+  }
+  if (result.fix.has_pose && (one_frame || result.fix.map_idx == 0)) {
+    const PoseError error = ErrorOf(*world_from_map, result.fix.world_from_cam, *image.pose);
+    result.translation_error = error.metres;
+    result.rotation_error_deg = error.degrees;
+  }
+}
+
 // Lays the largest map over the training images' poses, if the map has a scale of its own.
-Similarity AlignMap(const ImageSet& set, const ModelView& model,
-                    std::optional<Evaluation::Alignment>& alignment) {
-  if (model.metric() || !model.has_landmarks()) return {};
+// Nothing: fewer than three of its keyframes have a pose in the set, or all on a line.
+std::optional<Similarity> AlignMap(const ImageSet& set, const ModelView& model,
+                                   std::optional<Evaluation::Alignment>& alignment) {
+  if (model.metric() || !model.has_landmarks()) return Similarity();
   std::map<std::string, const ImageRecord*> training;
   for (const ImageRecord& image : set.images) {
     if (image.pose && !image.is_test) training[image.path] = &image;
@@ -130,7 +133,7 @@ Similarity AlignMap(const ImageSet& set, const ModelView& model,
     in_world.push_back(image->second->pose->cam_in_world);
   }
   const std::optional<Similarity> world_from_map = FitSimilarity(in_map, in_world);
-  if (!world_from_map) return {};
+  if (!world_from_map) return std::nullopt;
   std::vector<double> errors;
   double sum2 = 0;
   for (std::size_t i = 0; i < in_map.size(); ++i) {
@@ -139,7 +142,7 @@ Similarity AlignMap(const ImageSet& set, const ModelView& model,
   }
   const auto count = static_cast<double>(errors.size());
   alignment = {static_cast<int>(errors.size()), std::sqrt(sum2 / count), *Quantile(errors, 0.5)};
-  return *world_from_map;
+  return world_from_map;
 }
 
 std::string BestByScoreAlone(const ModelView& model, std::span<const float> pair_scores) {
@@ -176,7 +179,7 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
       record.is_object() && record.value("view_source", "") == "labels";
   const std::vector<int> idxs = ImagesOf(set, options.split);
   Localizer localizer = MakeLocalizer(model);
-  const Similarity world_from_map = AlignMap(set, model, evaluation.alignment);
+  const std::optional<Similarity> world_from_map = AlignMap(set, model, evaluation.alignment);
   for (int n = 0; n < static_cast<int>(idxs.size()); ++n) {
     const ImageRecord& image = set.images[idxs[n]];
     FrameResult result;

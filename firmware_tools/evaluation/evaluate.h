@@ -49,10 +49,11 @@ struct Evaluation {
   bool model_has_view_labels = false;  // its views are those of the set's `view` column
 };
 
-// Poses of a map that is not metric are compared after a similarity that lays its keyframes over
-// the poses of the set's training images. Localizes each image of the split alone, one after another on one thread, so that the
-// times are those of one core. Throws ToolError: no images in the split, or more than a
-// fifth of them unreadable.
+// Localizes each image of the split alone, one after another on one thread, so that the times are
+// those of one core. Poses of a map that is not metric are compared after a similarity that lays
+// the largest map's keyframes over the poses of the set's training images; without one, and in
+// smaller maps, they count as not localized. Throws ToolError: no images in the split, or more
+// than a fifth of them unreadable.
 Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,
                     const Progress& progress);
 

@@ -93,6 +93,7 @@ class Writer {
           static_cast<std::uint32_t>(model_.keyframe_landmarks.size()));
     }
     SetCamera(largest.cameras[largest.images.front().camera_idx]);
+    if (errors_.empty()) return;
     const auto middle = errors_.begin() + static_cast<std::ptrdiff_t>(errors_.size() / 2);
     std::nth_element(errors_.begin(), middle, errors_.end());
     model_.pixel_sigma = std::max(1e-3F, static_cast<float>(*middle / kRayleighMedian));

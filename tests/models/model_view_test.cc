@@ -46,16 +46,87 @@ TEST(ModelView, ReadsWhatWasWritten) {
 
 TEST(ModelView, SameDataSameBytes) { EXPECT_EQ(TinyModel(), TinyModel()); }
 
-TEST(ModelView, RefusesEveryTruncation) {
+// A model with two small maps.
+ModelData MappedModelData() {
+  ModelData data = TinyModelData();
+  data.camera = {.model = 2,
+                 .width = 320,
+                 .height = 240,
+                 .intrinsics = {280, 281, 159.5, 119.5},
+                 .distortion = {0.1, -0.05, 0.001, 0.002, 0.01, 0, 0, 0}};
+  data.map_begin = {0, 6, 10};
+  data.map_origin = {{0, 1, 2}, {-3, 4, -5}};
+  data.map_step = {0.001F, 0.002F};
+  for (std::int16_t l = 0; l < 10; ++l) {
+    data.landmark_position.push_back({l, static_cast<std::int16_t>(-l), 32767});
+    data.landmark_laplacian_sign.push_back(static_cast<std::int8_t>(l % 3 - 1));
+  }
+  data.landmark_descriptors.assign(std::size_t{10} * data.features.descriptor_dim, 7);
+  data.pixel_sigma = 0.5F;
+  // Of the keyframes with a pose (even ones) the last has no landmarks.
+  data.keyframe_landmark_begin = {0, 4, 4, 8, 8, 12, 12, 12, 12};
+  data.keyframe_landmarks = {0, 1, 2, 5, 2, 3, 4, 5, 6, 7, 8, 9};
+  return data;
+}
+
+TEST(ModelView, ReadsLandmarks) {
+  const ModelData data = MappedModelData();
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  EXPECT_EQ(*WriteModel(data), *file);
+  const ModelView view = *ModelView::Open(*file);
+  ASSERT_TRUE(view.has_landmarks());
+  const ModelLandmarks& landmarks = view.landmarks();
+  EXPECT_EQ(landmarks.size, 10);
+  EXPECT_EQ(landmarks.num_maps, 2);
+  EXPECT_THAT(landmarks.map_begin, ::testing::ElementsAreArray(data.map_begin));
+  EXPECT_THAT(landmarks.map_origin, ::testing::ElementsAre(0, 1, 2, -3, 4, -5));
+  EXPECT_THAT(landmarks.map_step, ::testing::ElementsAreArray(data.map_step));
+  EXPECT_THAT(landmarks.position.subspan(9, 3), ::testing::ElementsAre(3, -3, 32767));
+  EXPECT_THAT(landmarks.descriptors, ::testing::ElementsAreArray(data.landmark_descriptors));
+  EXPECT_THAT(landmarks.laplacian_sign, ::testing::ElementsAreArray(data.landmark_laplacian_sign));
+  EXPECT_EQ(landmarks.pixel_sigma, 0.5F);
+  EXPECT_THAT(view.keyframes().landmarks, ::testing::ElementsAreArray(data.keyframe_landmarks));
+  EXPECT_THAT(view.camera().intrinsics, ::testing::ElementsAreArray(data.camera.intrinsics));
+  EXPECT_THAT(view.camera().distortion, ::testing::ElementsAreArray(data.camera.distortion));
+  for (std::uint32_t l = 0; l < 10; ++l) EXPECT_EQ(view.MapOf(l), l < 6 ? 0 : 1);
+}
+
+TEST(ModelView, MapsWithoutLandmarksAreStillCounted) {
+  ModelData data = MappedModelData();
+  data.map_begin = {0, 0, 10, 10};
+  data.map_origin.push_back({0, 0, 0});
+  data.map_step.push_back(1);
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  EXPECT_EQ(ModelView::Open(*file)->MapOf(0), 1);
+  EXPECT_EQ(ModelView::Open(*file)->MapOf(9), 1);
+}
+
+TEST(ModelView, TinyModelsHaveNoLandmarks) {
   const Bytes file = TinyModel();
+  EXPECT_FALSE(ModelView::Open(file)->has_landmarks());
+}
+
+class WholeModel : public ::testing::TestWithParam<bool> {
+ protected:
+  static Bytes File() { return GetParam() ? *WriteModel(MappedModelData()) : TinyModel(); }
+};
+
+INSTANTIATE_TEST_SUITE_P(ModelView, WholeModel, ::testing::Bool(), [](const auto& param) {
+  return param.param ? "with_landmarks" : "without";
+});
+
+TEST_P(WholeModel, RefusesEveryTruncation) {
+  const Bytes file = File();
   for (std::size_t size = 0; size < file.size(); ++size) {
     const Bytes part(file.begin(), file.begin() + size);
     EXPECT_FALSE(ModelView::Open(part).ok()) << size;
   }
 }
 
-TEST(ModelView, RefusesEveryFlippedBit) {
-  Bytes file = TinyModel();
+TEST_P(WholeModel, RefusesEveryFlippedBit) {
+  Bytes file = File();
   for (std::size_t i = 0; i < file.size(); ++i) {
     const auto flipped = static_cast<std::uint8_t>(file[i] ^ (1 << (i % 8)));
     const std::uint8_t good = std::exchange(file[i], flipped);
@@ -89,8 +160,8 @@ TEST(ModelView, UnalignedBytesAreRefused) {
 }
 
 // Behind a matching hash, any bytes are refused or read, and never crash the reader.
-TEST(ModelView, SurvivesHostileBytesBehindAMatchingHash) {
-  const Bytes good = TinyModel();
+TEST_P(WholeModel, SurvivesHostileBytesBehindAMatchingHash) {
+  const Bytes good = File();
   std::mt19937 random(7);
   int refused = 0;
   for (int round = 0; round < 3000; ++round) {
@@ -108,6 +179,9 @@ TEST(ModelView, SurvivesHostileBytesBehindAMatchingHash) {
     for (int p = 0; p < view->scoring().num_pairs; ++p) {
       ASSERT_LT(view->scoring().pair_location[p], view->scoring().num_locations);
       ASSERT_LT(view->scoring().pair_view[p], view->scoring().num_views);
+    }
+    for (const std::uint32_t l : view->keyframes().landmarks) {
+      ASSERT_LT(view->MapOf(l), view->landmarks().num_maps);
     }
   }
   EXPECT_GT(refused, 300);
@@ -161,6 +235,84 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"pose_nan", [](ModelData& d) { d.keyframe_pose[0][0] = kNan; }},
         Broken{"pose_not_unit", [](ModelData& d) { d.keyframe_pose[0][3] = 2; }}),
     [](const auto& param) { return param.param.name; });
+
+class BrokenMap : public ::testing::TestWithParam<Broken> {};
+
+TEST_P(BrokenMap, IsRefused) {
+  ModelData data = MappedModelData();
+  ASSERT_TRUE(WriteModel(data).ok());
+  GetParam().break_it(data);
+  EXPECT_FALSE(WriteModel(data).ok());
+}
+
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+
+INSTANTIATE_TEST_SUITE_P(
+    Semantics, BrokenMap,
+    ::testing::Values(
+        Broken{"camera_model_zero", [](ModelData& d) { d.camera.model = 0; }},
+        Broken{"camera_model_unknown", [](ModelData& d) { d.camera.model = 4; }},
+        Broken{"camera_without_width", [](ModelData& d) { d.camera.width = 0; }},
+        Broken{"camera_without_height", [](ModelData& d) { d.camera.height = 0; }},
+        Broken{"focal_length_zero", [](ModelData& d) { d.camera.intrinsics[0] = 0; }},
+        Broken{"focal_length_negative", [](ModelData& d) { d.camera.intrinsics[1] = -1; }},
+        Broken{"centre_nan", [](ModelData& d) { d.camera.intrinsics[2] = double{kNan}; }},
+        Broken{"centre_infinite", [](ModelData& d) { d.camera.intrinsics[3] = double{kInfinity}; }},
+        Broken{"distortion_nan", [](ModelData& d) { d.camera.distortion[7] = double{kNan}; }},
+        Broken{"maps_do_not_begin_at_zero", [](ModelData& d) { d.map_begin[0] = 1; }},
+        Broken{"maps_go_back", [](ModelData& d) { d.map_begin[1] = 11; }},
+        Broken{"maps_end_early", [](ModelData& d) { d.map_begin[2] = 9; }},
+        Broken{"maps_end_late", [](ModelData& d) { d.map_begin[2] = 11; }},
+        Broken{"no_map_begin", [](ModelData& d) { d.map_begin.clear(); }},
+        Broken{"one_map_too_many", [](ModelData& d) { d.map_begin.push_back(10); }},
+        Broken{"origin_missing", [](ModelData& d) { d.map_origin.pop_back(); }},
+        Broken{"origin_nan", [](ModelData& d) { d.map_origin[1][2] = kNan; }},
+        Broken{"step_missing", [](ModelData& d) { d.map_step.pop_back(); }},
+        Broken{"no_maps",
+               [](ModelData& d) { d.map_step.clear(), d.map_origin.clear(), d.map_begin = {0}; }},
+        Broken{"step_zero", [](ModelData& d) { d.map_step[0] = 0; }},
+        Broken{"step_negative", [](ModelData& d) { d.map_step[1] = -1; }},
+        Broken{"step_nan", [](ModelData& d) { d.map_step[1] = kNan; }},
+        Broken{"step_infinite", [](ModelData& d) { d.map_step[0] = kInfinity; }},
+        Broken{"position_missing", [](ModelData& d) { d.landmark_position.pop_back(); }},
+        Broken{"no_positions", [](ModelData& d) { d.landmark_position.clear(); }},
+        Broken{"descriptors_short", [](ModelData& d) { d.landmark_descriptors.pop_back(); }},
+        Broken{"descriptors_long", [](ModelData& d) { d.landmark_descriptors.push_back(0); }},
+        Broken{"sign_missing", [](ModelData& d) { d.landmark_laplacian_sign.pop_back(); }},
+        Broken{"sign_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = 2; }},
+        Broken{"sign_minus_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = -2; }},
+        Broken{"sigma_zero", [](ModelData& d) { d.pixel_sigma = 0; }},
+        Broken{"sigma_negative", [](ModelData& d) { d.pixel_sigma = -1; }},
+        Broken{"sigma_nan", [](ModelData& d) { d.pixel_sigma = kNan; }},
+        Broken{"sigma_infinite", [](ModelData& d) { d.pixel_sigma = kInfinity; }},
+        Broken{"keyframes_without_landmark_table",
+               [](ModelData& d) { d.keyframe_landmark_begin.clear(), d.keyframe_landmarks.clear(); }},
+        Broken{"keyframe_landmarks_begin_late",
+               [](ModelData& d) { d.keyframe_landmark_begin[0] = 1; }},
+        Broken{"keyframe_landmarks_go_back",
+               [](ModelData& d) { d.keyframe_landmark_begin[1] = 9; }},
+        Broken{"keyframe_landmarks_beyond_the_end",
+               [](ModelData& d) { d.keyframe_landmark_begin[5] = 1000000; }},
+        Broken{"keyframe_landmarks_end_early",
+               [](ModelData& d) { d.keyframe_landmark_begin.back() = 11; }},
+        Broken{"keyframe_landmark_table_short",
+               [](ModelData& d) { d.keyframe_landmark_begin.pop_back(); }},
+        Broken{"keyframe_landmark_unknown", [](ModelData& d) { d.keyframe_landmarks.back() = 10; }},
+        Broken{"keyframe_landmark_twice", [](ModelData& d) { d.keyframe_landmarks[1] = 0; }},
+        Broken{"keyframe_landmarks_descend",
+               [](ModelData& d) { std::swap(d.keyframe_landmarks[0], d.keyframe_landmarks[1]); }},
+        Broken{"keyframe_of_two_maps", [](ModelData& d) { d.keyframe_landmarks[3] = 6; }},
+        Broken{"keyframe_sees_without_pose",
+               [](ModelData& d) { d.keyframe_landmark_begin[2] = 5; }},
+        Broken{"keyframe_lost_its_pose",
+               [](ModelData& d) { d.keyframe_has_pose[0] = 0; }}),
+    [](const auto& param) { return param.param.name; });
+
+TEST(ModelView, LandmarksOfKeyframesWithoutAMapAreRefused) {
+  ModelData data = TinyModelData();
+  data.keyframe_landmark_begin.assign(data.keyframe_pair.size() + 1, 0);
+  EXPECT_FALSE(WriteModel(data).ok());
+}
 
 }  // namespace
 }  // namespace viewfix

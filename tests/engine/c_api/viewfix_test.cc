@@ -3,12 +3,14 @@
 
 #include <gmock/gmock.h>
 
+#include <cstddef>
 #include <cstring>
 #include <memory>
 #include <string>
 
 #include "engine/localizer.h"
 #include "tests/testing/jpeg_encoder.h"
+#include "tests/testing/landmark_site.h"
 #include "tests/testing/tiny_model.h"
 
 namespace viewfix {
@@ -122,6 +124,58 @@ TEST_F(CApiTest, RefusesWrongArguments) {
   EXPECT_EQ(Localize(texture_, fix), VIEWFIX_INVALID_ARGUMENT);
 }
 
+TEST(CApiPoseTest, AgreesWithTheEngine) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const std::vector<std::uint8_t> bytes = *WriteModel(site.data);
+  Localizer engine = std::move(*Localizer::Create(*ModelView::Open(bytes), {}));
+  const Fix expected =
+      *engine.Localize({site.pixels.data(), site.width, site.height, site.width});
+  ASSERT_TRUE(expected.has_pose);
+  viewfix_localizer* opened = nullptr;
+  ASSERT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, nullptr, 0), VIEWFIX_OK);
+  const std::unique_ptr<viewfix_localizer, Freer> localizer(opened);
+  viewfix_fix fix = {};
+  fix.size = sizeof fix;
+  ASSERT_EQ(viewfix_localize(opened, site.pixels.data(), site.width, site.height,
+                             static_cast<std::size_t>(site.width), &fix),
+            VIEWFIX_OK);
+  EXPECT_EQ(fix.localized, 1);
+  EXPECT_EQ(fix.pose_valid, 1);
+  EXPECT_EQ(fix.pose_map, expected.map_idx);
+  EXPECT_EQ(fix.inliers, expected.num_inliers);
+  EXPECT_EQ(fix.keyframe_id, expected.keyframe_idx);
+  for (int i = 0; i < 3; ++i) EXPECT_EQ(fix.pose[i], expected.world_from_cam.translation[i]);
+  EXPECT_EQ(fix.pose[3], expected.world_from_cam.rotation.x());
+  EXPECT_EQ(fix.pose[6], expected.world_from_cam.rotation.w());
+  EXPECT_EQ(fix.covariance[0], static_cast<float>(expected.covariance(0, 0)));
+  EXPECT_EQ(fix.covariance[5], static_cast<float>(expected.covariance(0, 5)));
+  EXPECT_EQ(fix.covariance[6], static_cast<float>(expected.covariance(1, 1)));
+  EXPECT_EQ(fix.covariance[20], static_cast<float>(expected.covariance(5, 5)));
+}
+
+// A caller built against the first header, whose struct ended with pose_valid.
+TEST(CApiPoseTest, AnOlderCallersMemoryIsLeftAlone) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const std::vector<std::uint8_t> bytes = *WriteModel(site.data);
+  viewfix_localizer* opened = nullptr;
+  ASSERT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, nullptr, 0), VIEWFIX_OK);
+  const std::unique_ptr<viewfix_localizer, Freer> localizer(opened);
+  viewfix_fix fix = {};
+  fix.size = offsetof(viewfix_fix, pose_valid) + sizeof(std::int32_t);
+  fix.pose[0] = 42;
+  fix.inliers = -7;
+  ASSERT_EQ(viewfix_localize(opened, site.pixels.data(), site.width, site.height,
+                             static_cast<std::size_t>(site.width), &fix),
+            VIEWFIX_OK);
+  EXPECT_EQ(fix.pose_valid, 1);
+  EXPECT_EQ(fix.pose[0], 42);
+  EXPECT_EQ(fix.inliers, -7);
+  fix.size -= 1;
+  EXPECT_EQ(viewfix_localize(opened, site.pixels.data(), site.width, site.height,
+                             static_cast<std::size_t>(site.width), &fix),
+            VIEWFIX_INVALID_ARGUMENT);
+}
+
 TEST(CApiOpenTest, RefusesWrongArguments) {
   const std::vector<std::uint8_t> bytes = TinyModel();
   viewfix_localizer* opened = nullptr;
@@ -160,6 +214,7 @@ TEST(CApiNamesTest, AreThere) {
   EXPECT_STREQ(viewfix_status_name(VIEWFIX_OK), "ok");
   EXPECT_STREQ(viewfix_status_name(static_cast<viewfix_status>(7)), "unknown");
   EXPECT_STREQ(viewfix_reason_name(VIEWFIX_AMBIGUOUS), "ambiguous");
+  EXPECT_STREQ(viewfix_reason_name(VIEWFIX_LOW_INLIERS), "low_inliers");
   EXPECT_STREQ(viewfix_reason_name(1U << 31), "");
 }
 

@@ -8,8 +8,10 @@
 #include <csignal>
 #include <fstream>
 #include <iterator>
+#include <sstream>
 
 #include "tests/testing/jpeg_encoder.h"
+#include "tests/testing/landmark_site.h"
 #include "tests/testing/run_program.h"
 #include "tests/testing/temp_folder.h"
 #include "tests/testing/tiny_model.h"
@@ -178,6 +180,59 @@ TEST_F(ViewfixdTest, RefusesFeaturesItCannotMake) {
   ++data.features.version;
   folder_.Write("site.vfx", *WriteModel(data));
   ExpectOneLine(Replay(), 1, "site.vfx");
+}
+
+std::string CalibrationYaml(const LandmarkSite& site, double fx) {
+  const Camera& c = site.camera;
+  std::ostringstream yaml;
+  yaml << "%YAML:1.0\n---\nimage_width: " << c.width << "\nimage_height: " << c.height
+       << "\ncamera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  data: [" << fx
+       << ", 0, " << c.cx << ", 0, " << fx << ", " << c.cy << ", 0, 0, 1]\n";
+  return yaml.str();
+}
+
+TEST_F(ViewfixdTest, CalibrationReplacesTheModelsCamera) {
+  LandmarkSite site = MakeLandmarkSite();
+  site.data.camera.intrinsics[0] = site.data.camera.intrinsics[1] = 120;  // wrong
+  const std::string model = folder_.Write("landmarks.vfx", *WriteModel(site.data));
+  folder_.Write("one/0.jpg", EncodeJpeg(site.pixels, site.width, site.height, 1));
+  const std::string good = folder_.Write("good.yaml", CalibrationYaml(site, site.camera.fx));
+  const auto run = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"--model", model, "--camera", "replay:" + folder_ / "one"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return Viewfixd(arguments);
+  };
+  const ProgramRun with = run({"--calibration", good});
+  EXPECT_EQ(with.exit_code, 0) << with.err;
+  EXPECT_THAT(with.out, HasSubstr("\"pose\":{\"frame\":\"world_from_cam\",\"map\":0,"));
+  EXPECT_NE(Between(with.out, "\"inliers\"", "\"reasons\""),
+            Between(run({}).out, "\"inliers\"", "\"reasons\""));
+  ExpectOneLine(run({"--calibration", folder_ / "none.yaml"}), 1, "none.yaml: No such file");
+  const std::string broken = folder_.Write("broken.yaml", CalibrationYaml(site, 0));
+  ExpectOneLine(run({"--calibration", broken}), 1, "broken.yaml");
+  const std::string empty = folder_.Write("empty.yaml", "");
+  ExpectOneLine(run({"--calibration", empty}), 1, "empty.yaml");
+  LandmarkSite portrait = site;
+  std::swap(portrait.camera.width, portrait.camera.height);
+  const std::string turned = folder_.Write("turned.yaml", CalibrationYaml(portrait, 280));
+  ExpectOneLine(run({"--calibration", turned}), 1, "shape");
+  ExpectOneLine(run({"--calibration", ""}), 2, "--calibration needs a file");
+}
+
+// The same frame again and again: from the second on it is tracked, and stays where it is.
+TEST_F(ViewfixdTest, AWalkIsTracked) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const std::string model = folder_.Write("landmarks.vfx", *WriteModel(site.data));
+  folder_.Write("still/0.jpg", EncodeJpeg(site.pixels, site.width, site.height, 1));
+  folder_.Write("still/images.csv", "path\n0.jpg\n0.jpg\n0.jpg\n");
+  const ProgramRun run = Viewfixd({"--model", model, "--camera", "replay:" + folder_ / "still"});
+  const std::vector<std::string> lines = Lines(run.out);
+  ASSERT_THAT(lines, SizeIs(3)) << run.err;
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_THAT(lines[i], HasSubstr("\"pose\":{"));
+    // A tracked frame is not scored.
+    EXPECT_EQ(lines[i].find("\"score\":0,") != std::string::npos, i > 0) << lines[i];
+  }
 }
 
 TEST_F(ViewfixdTest, AFullDiskIsAFailure) {

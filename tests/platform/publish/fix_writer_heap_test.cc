@@ -34,6 +34,8 @@ TEST(FixWriterHeapTest, WritingAllocatesNothing) {
                    .pair_idx = 1,
                    .keyframe_idx = 2,
                    .confidence = 0.1F,
+                   .has_pose = true,
+                   .map_idx = 0,
                    .score = 1e-9F,
                    .margin = -3e20F,
                    .num_rivals = 1,

@@ -3,6 +3,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+#include <climits>
 #include <limits>
 
 #include "tests/testing/tiny_model.h"
@@ -74,6 +76,27 @@ TEST_F(FixWriterTest, AKeyframeWithoutPoseSaysSo) {
   EXPECT_THAT(Write(fix), HasSubstr("\"keyframe\":{\"id\":3,\"pose\":null}"));
   fix.keyframe_idx = -1;
   EXPECT_THAT(Write(fix), HasSubstr("\"keyframe\":null"));
+}
+
+// Exact numbers, so that the text is known: the upper triangle, row by row.
+TEST_F(FixWriterTest, WritesAPoseWithItsCovariance) {
+  Fix fix = Localized();
+  fix.has_pose = true;
+  fix.map_idx = 3;
+  fix.world_from_cam = {Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5), Eigen::Vector3d(1.5, -2, 0.25)};
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 6; ++col) {
+      fix.covariance(row, col) = 10 * std::min(row, col) + std::max(row, col);
+    }
+  }
+  fix.num_inliers = 41;
+  const std::string line = Write(fix);
+  EXPECT_THAT(line, HasSubstr("\"inliers\":41,"));
+  EXPECT_THAT(line,
+              HasSubstr(",\"pose\":{\"frame\":\"world_from_cam\",\"map\":3,\"metric\":true,"
+                        "\"t\":[1.5,-2,0.25],\"q_xyzw\":[-0.5,0.5,-0.5,0.5],"
+                        "\"covariance\":[0,1,2,3,4,5,11,12,13,14,15,22,23,24,25,33,34,35,44,45,55]}"
+                        ",\"reasons\":"));
 }
 
 TEST_F(FixWriterTest, NumbersThatAreNotFiniteAreNull) {
@@ -157,6 +180,11 @@ TEST(FixWriterSizeTest, TheLongestFixFits) {
              .num_rivals = Fix::kMaxRivals,
              .rivals = {1, 2, 3, 4},
              .ms = {}};
+  fix.has_pose = true;
+  fix.map_idx = INT_MIN;
+  fix.world_from_cam.translation.setConstant(-1.17549435e-38);
+  fix.world_from_cam.rotation.coeffs().setConstant(-1.17549435e-38);
+  fix.covariance.setConstant(-1.17549435e-38);
   FixWriter writer(model);
   const auto line = writer.Write({~0ULL >> 1, INT64_MAX, INT64_MAX, INT64_MAX}, fix);
   EXPECT_EQ(line.back(), '\n');

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: BSD-3-Clause
+// Localize() allocates nothing. A program of its own: it replaces malloc, which Eigen and operator
+// new call.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "engine/localizer.h"
+#include "tests/testing/landmark_site.h"
+
+namespace {
+int allocations = 0;
+}
+
+// AddressSanitizer has a malloc of its own: nothing is counted under it.
+#ifndef __SANITIZE_ADDRESS__
+constexpr bool kCounts = true;
+// glibc's own, under the name that stays when malloc is replaced.
+extern "C" void* __libc_malloc(std::size_t size);
+extern "C" void* malloc(std::size_t size) {
+  ++allocations;
+  return __libc_malloc(size);
+}
+#else
+constexpr bool kCounts = false;
+#endif
+
+namespace viewfix {
+namespace {
+
+TEST(LocalizerHeap, TheCounterCounts) {
+  if (!kCounts) GTEST_SKIP() << "AddressSanitizer owns malloc";
+  const int before = allocations;
+  void* volatile memory = std::malloc(100);
+  std::free(memory);
+  int* volatile number = new int;
+  delete number;
+  EXPECT_GE(allocations, before + 2);
+}
+
+TEST(LocalizerHeap, LocalizingAllocatesNothing) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const auto file = *WriteModel(site.data);
+  Localizer localizer = std::move(*Localizer::Create(*ModelView::Open(file), {}));
+  const Rigid3 right = Inverse(site.world_from_cam);
+  Rigid3 wrong = right;
+  wrong.translation.x() += 7;
+  const std::vector<std::uint8_t> plain(site.pixels.size(), 100);
+  const ImageView whole = {site.pixels.data(), site.width, site.height, site.width};
+  const ImageView strip = {site.pixels.data(), site.width, 170, site.width};
+  // The first frames may be the largest of all kinds, or not.
+  for (int round = 0; round < 2; ++round) {
+    const int before = allocations;
+    const bool alone = localizer.Localize(whole)->has_pose;
+    const bool tracked =
+        localizer.Localize(whole, {.camera = &site.camera, .cam_from_world = &right})->has_pose;
+    const bool lost = localizer.Localize(whole, {.cam_from_world = &wrong})->has_pose;
+    const bool focal = localizer.Localize(strip)->has_pose;
+    const bool empty = localizer.Localize({plain.data(), site.width, site.height, site.width})->has_pose;
+    EXPECT_EQ(allocations, before) << "round " << round;
+    EXPECT_TRUE(alone && tracked && lost && focal);
+    EXPECT_FALSE(empty);
+  }
+}
+
+}  // namespace
+}  // namespace viewfix
