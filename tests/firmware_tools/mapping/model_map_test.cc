@@ -36,7 +36,8 @@ struct SceneSet {
       set.images.push_back(image);
       features.images.push_back(*scene.features[f]);
     }
-    set.cameras = {{.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 319.5, .cy = 239.5}};
+    const Camera& camera = scene.input.cameras[0];
+    set.cameras = {{camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy, {}}};
     features.dim = 64;
     const auto n = static_cast<Eigen::Index>(all.size());
     similarity = Eigen::MatrixXf::Ones(n, n);
@@ -44,7 +45,9 @@ struct SceneSet {
 
   SiteMap Map(const std::vector<int>& images, int jobs = 1) const {
     const auto n = static_cast<Eigen::Index>(images.size());
-    return MapSite(set, features, images, similarity.topLeftCorner(n, n), {.jobs = jobs}, {});
+    SiteMapOptions options;
+    options.jobs = jobs;
+    return MapSite(set, features, images, similarity.topLeftCorner(n, n), options, {});
   }
 };
 
@@ -122,9 +125,10 @@ TEST(MapSite, FewerThanTwoImagesAreNoMap) {
   scene.Add(SyntheticScene({.num_frames = 3, .num_points = 100}), "walk");
   EXPECT_TRUE(scene.Map({}).maps.empty());
   EXPECT_TRUE(scene.Map({1}).maps.empty());
-  EXPECT_TRUE(MapSite(scene.set, scene.features, scene.all, scene.similarity,
-                      {.source = MapSource::kNone}, {})
-                  .maps.empty());
+  SiteMapOptions none;
+  none.source = MapSource::kNone;
+  EXPECT_TRUE(
+      MapSite(scene.set, scene.features, scene.all, scene.similarity, none, {}).maps.empty());
   ModelData model = TinyModelData();
   AddMapToModel({}, scene.set, scene.features, kKeyframeImages, {}, model);
   EXPECT_EQ(*WriteModel(model), TinyModel());
