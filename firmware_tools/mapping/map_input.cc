@@ -52,9 +52,8 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
     if (record.camera_idx < 0) {
       throw ToolError(set.FullPath(record).string() + ": its camera is not known");
     }
-    const Camera camera =
-        ToCamera(set.cameras[record.camera_idx], set.FullPath(record).string())
-            .ResizedTo(found.width, found.height);
+    const Camera camera = ToCamera(set.cameras[record.camera_idx], set.FullPath(record).string())
+                              .ResizedTo(found.width, found.height);
     MapFrame frame{.name = record.path,
                    .capture = record.capture,
                    .camera_idx = AddCamera(camera, input.cameras),
