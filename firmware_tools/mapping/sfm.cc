@@ -108,7 +108,7 @@ class Mapper {
     options.adjustments = adjustments;
     options.adjust.poses = true;
     options.adjust.position_sigma = 0;
-    options.adjust.focal = options_.colmap.refine_focal;
+    options.adjust.focal |= options_.colmap.refine_focal;
     return TriangulateWithPoses(posed, pairs, options, jobs_, Open(stages_, "adjusting"));
   }
 
