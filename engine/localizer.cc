@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <utility>
 
@@ -46,7 +45,11 @@ Status CheckImage(const ImageView& image) {
 
 // Keyframes whose landmarks a frame is matched with: those of the first few places that the
 // scores name.
-constexpr int kPromisingKeyframes = 20;
+constexpr int kPromisingKeyframes = 24;
+constexpr int kPromisingOfLocation = 8;
+
+// A pose elsewhere that more than this share of the landmarks agree with leaves a doubt.
+constexpr float kAmbiguousShare = 0.9F;
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -141,7 +144,9 @@ struct Localizer::State {
         keyframe_similarities(model.keyframes().size),
         model_camera(ModelsCamera(model.camera())),
         pose_finder(std::move(finder)) {
-    keyframe_order.reserve(model.keyframes().size);
+    all_proposed.reserve(model.keyframes().size);
+    proposed.reserve(kPromisingKeyframes);
+    proposed_of_location.resize(model.scoring().num_locations);
   }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
@@ -151,11 +156,12 @@ struct Localizer::State {
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
   void Decide(Fix& fix) const;
-  std::span<const int> PromisingKeyframes();
+  std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
   void FindPose(Fix& fix);
   void TakePose(const FoundPose& found, Fix& fix) const;
+  void RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
   void ClearScores();
 
@@ -175,7 +181,9 @@ struct Localizer::State {
   std::vector<float> keyframe_similarities;
   Camera model_camera;
   std::optional<PoseFinder> pose_finder;  // where the model has landmarks
-  std::vector<int> keyframe_order;
+  std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
+  std::vector<ProposedKeyframe> proposed;
+  std::vector<int> proposed_of_location;  // [locations]
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -243,23 +251,32 @@ void Localizer::State::Decide(Fix& fix) const {
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
-// the location, applied to each.
-std::span<const int> Localizer::State::PromisingKeyframes() {
+// the location, applied to each. No location takes all the places, so that a look-alike one has
+// its say.
+std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
   const float weight = model.scoring().keyframe_weight;
-  const auto promise = [&](int k) {
-    const float sum = pair_scores[model.keyframes().pair[k]] + weight * keyframe_similarities[k];
-    return std::isnan(sum) ? -std::numeric_limits<float>::infinity() : sum;  // none is in no order
-  };
-  keyframe_order.resize(model.keyframes().size);
-  std::iota(keyframe_order.begin(), keyframe_order.end(), 0);
-  const auto cut = keyframe_order.begin() +
-                   std::min<std::ptrdiff_t>(kPromisingKeyframes, std::ssize(keyframe_order));
-  std::partial_sort(keyframe_order.begin(), cut, keyframe_order.end(), [&](int a, int b) {
-    const float promise_a = promise(a);
-    const float promise_b = promise(b);
-    return promise_a != promise_b ? promise_a > promise_b : a < b;
-  });
-  return {keyframe_order.begin(), cut};
+  const auto& pair_of = model.keyframes().pair;
+  all_proposed.clear();
+  for (int k = 0; k < model.keyframes().size; ++k) {
+    const float promise = pair_scores[pair_of[k]] + weight * keyframe_similarities[k];
+    // What is not a number is in no order.
+    all_proposed.push_back(
+        {k, std::isnan(promise) ? -std::numeric_limits<float>::infinity() : promise});
+  }
+  std::sort(all_proposed.begin(), all_proposed.end(),
+            [](const ProposedKeyframe& a, const ProposedKeyframe& b) {
+              return a.promise != b.promise ? a.promise > b.promise
+                                            : a.keyframe_idx < b.keyframe_idx;
+            });
+  std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
+  proposed.clear();
+  for (const ProposedKeyframe& p : all_proposed) {
+    int& taken = proposed_of_location[model.scoring().pair_location[pair_of[p.keyframe_idx]]];
+    if (++taken > kPromisingOfLocation) continue;
+    proposed.push_back(p);
+    if (std::ssize(proposed) == kPromisingKeyframes) break;
+  }
+  return proposed;
 }
 
 void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
@@ -276,11 +293,27 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.world_from_cam = Inverse(found.pose.cam_from_world);
   fix.covariance = found.pose.covariance;
   fix.num_inliers = found.num_inliers;
+  fix.num_expected = found.num_expected;
+  fix.num_rival_inliers = found.num_rival_inliers;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
   const auto inliers = static_cast<float>(found.num_inliers);
   fix.confidence = inliers / (inliers + kDoubtfulInliers);
+}
+
+// Two places agree with the frame about as well: neither is said.
+void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const {
+  fix.localized = false;
+  fix.has_pose = false;
+  fix.reasons |= kAmbiguous;
+  fix.confidence = std::min(fix.confidence, 0.5F);
+  const int rival =
+      model.scoring().pair_location[model.keyframes().pair[found.rival_keyframe_idx]];
+  if (rival != fix.location_idx) {
+    fix.num_rivals = 1;
+    fix.rivals[0] = rival;
+  }
 }
 
 // Whether the frame was found where it was expected.
@@ -304,6 +337,10 @@ void Localizer::State::FindPose(Fix& fix) {
     fix.reasons = 0;
     fix.score = pair_scores[fix.pair_idx];
     FindRivals(fix);  // of the place that the landmarks name
+    if (static_cast<float>(found.num_rival_inliers) >
+        kAmbiguousShare * static_cast<float>(found.num_inliers)) {
+      RefuseAsAmbiguous(found, fix);
+    }
     return;
   }
   fix.num_inliers = found.num_inliers;

@@ -191,6 +191,36 @@ TEST_F(LocalizerPoseTest, LandmarksOverruleTheScores) {
   EXPECT_EQ(fix->score, localizer.pair_scores()[fix->pair_idx]);
 }
 
+// The same landmarks in two maps, of two locations: either is as good, and neither is said.
+TEST_F(LocalizerPoseTest, TwoPlacesThatLookAlikeAreAmbiguous) {
+  ModelData& data = site_.data;
+  const std::uint32_t size = data.map_begin[1];
+  const auto twice = [](auto& v) {
+    const auto once = v;
+    v.insert(v.end(), once.begin(), once.end());
+  };
+  twice(data.landmark_position);
+  twice(data.landmark_descriptors);
+  twice(data.landmark_laplacian_sign);
+  data.map_begin = {0, size, 2 * size};
+  twice(data.map_origin);
+  twice(data.map_step);
+  // Keyframes 0 and 2 are of the first location, 4 and 6 of the second.
+  for (std::size_t i = data.keyframe_landmark_begin[4]; i < data.keyframe_landmarks.size(); ++i) {
+    data.keyframe_landmarks[i] += size;
+  }
+  data.weight_scale.assign(4, 1e-9F);
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_FALSE(fix->localized);
+  EXPECT_FALSE(fix->has_pose);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_LE(fix->confidence, 0.5F);
+  ASSERT_EQ(fix->num_rivals, 1);
+  EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+}
+
 TEST_F(LocalizerPoseTest, AModelCameraThatIsNoneIsRefused) {
   site_.data.camera.model = 1;
   site_.data.camera.intrinsics[2] = 1e308;

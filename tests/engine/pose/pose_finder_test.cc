@@ -5,7 +5,6 @@
 
 #include <functional>
 #include <limits>
-#include <numeric>
 
 #include "tests/engine/pose/synthetic_site.h"
 
@@ -14,11 +13,14 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-std::vector<int> AllKeyframes() {
-  std::vector<int> keyframes(SyntheticSite::kKeyframes);
-  std::iota(keyframes.begin(), keyframes.end(), 0);
-  return keyframes;
+// In this order, none more promising than another.
+std::vector<ProposedKeyframe> Proposed(std::initializer_list<int> keyframes) {
+  std::vector<ProposedKeyframe> proposed;
+  for (const int k : keyframes) proposed.push_back({k, 0});
+  return proposed;
 }
+
+std::vector<ProposedKeyframe> AllKeyframes() { return Proposed({0, 1, 2, 3, 4, 5, 6, 7}); }
 
 // A finder with the bytes that its model lies in.
 class Finder {
@@ -68,7 +70,7 @@ TEST(PoseFinder, WrongKeyframesFirstAndMuchClutter) {
   const Rigid3 truth = SyntheticSite::CamFromWorld(6);
   const SightOptions options = {.noise_px = 0.4, .clutter = 400, .share_seen = 0.4};
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 1, options);
-  const std::vector<int> wrong_first = {0, 1, 2, 6};
+  const auto wrong_first = Proposed({0, 1, 2, 6});
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, wrong_first);
   ExpectAt(found, truth, 0.02, 0.006);
   EXPECT_EQ(found.map_idx, 1);
@@ -110,6 +112,44 @@ TEST(PoseFinder, NoKeyframesAndNoFeaturesFindNothing) {
   const FeatureSet none(SyntheticSite::kMaxFeatures, SyntheticSite::kDim);
   EXPECT_FALSE(finder->Find(none, SyntheticSite::camera(), false, AllKeyframes()).found);
   EXPECT_FALSE(finder->FindNear(none, SyntheticSite::camera(), false, 0, truth).found);
+}
+
+// Both maps hold the same things, a look-alike room: each pose has a rival that as many agree with.
+TEST(PoseFinder, ALookAlikePlaceIsARival) {
+  SyntheticSite site(2);
+  ModelData& data = site.data();
+  const std::size_t half = data.landmark_position.size() / 2;
+  std::copy_n(data.landmark_position.begin(), half, data.landmark_position.begin() + half);
+  std::copy_n(data.landmark_descriptors.begin(), half * SyntheticSite::kDim,
+              data.landmark_descriptors.begin() + half * SyntheticSite::kDim);
+  Finder finder(site);
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
+  const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
+  ExpectAt(found, truth, 0.01, 0.003);
+  EXPECT_GE(found.num_rival_inliers, found.num_inliers * 8 / 10);
+  ASSERT_GE(found.rival_keyframe_idx, 0);
+  EXPECT_NE(found.rival_keyframe_idx < 4, found.keyframe_idx < 4);
+  const FoundPose alone =
+      finder->Find(features, SyntheticSite::camera(), false, Proposed({0, 1, 2, 3}));
+  EXPECT_EQ(alone.num_rival_inliers, 0);
+  EXPECT_EQ(alone.rival_keyframe_idx, -1);
+}
+
+// Far less agrees than the pose puts into the image: something like the place.
+TEST(PoseFinder, ASmallShareOfWhatShouldBeSeenDoesNotConvince) {
+  SyntheticSite site;
+  Finder finder(site);
+  Finder credulous(site, {.min_inliers = 8, .min_inlier_share = 0});
+  Finder strict(site, {.min_inliers = 8, .min_inlier_share = 0.5F});
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3);
+  const FeatureSet features =
+      site.See(SyntheticSite::camera(), truth, 0, {.noise_px = 0.4, .clutter = 60, .share_seen = 0.2});
+  const FoundPose found =
+      credulous->Find(features, SyntheticSite::camera(), false, AllKeyframes());
+  ASSERT_TRUE(found.found);
+  EXPECT_LT(found.num_inliers, found.num_expected / 3);
+  EXPECT_FALSE(strict->Find(features, SyntheticSite::camera(), false, AllKeyframes()).found);
 }
 
 TEST(PoseFinder, AFocalLengthThatIsAGuessIsRefined) {
@@ -234,7 +274,7 @@ TEST(PoseFinder, KeyframesWithoutLandmarksArePassedOver) {
   Finder finder(site);
   const Rigid3 truth = SyntheticSite::CamFromWorld(0);
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
-  const std::vector<int> order = {3, 4, 5, 6, 7, 0};
+  const auto order = Proposed({3, 4, 5, 6, 7, 0});
   ExpectAt(finder->Find(features, SyntheticSite::camera(), false, order), truth, 0.01, 0.003);
 }
 
@@ -261,6 +301,8 @@ TEST(PoseFinder, OptionsOutOfRangeAreRefused) {
       [](PoseFinderOptions& o) { o.min_inliers = 3; },
       [](PoseFinderOptions& o) { o.max_ratio = 1.1F; },
       [](PoseFinderOptions& o) { o.max_ratio = std::numeric_limits<float>::quiet_NaN(); },
+      [](PoseFinderOptions& o) { o.min_inlier_share = 1.5F; },
+      [](PoseFinderOptions& o) { o.rival_promise = std::numeric_limits<float>::quiet_NaN(); },
       [](PoseFinderOptions& o) { o.guided_radius_px = 0; },
       [](PoseFinderOptions& o) { o.tracking_radius_px = kNan; },
       [](PoseFinderOptions& o) { o.max_guided_distance = 0; },
