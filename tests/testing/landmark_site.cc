@@ -66,8 +66,8 @@ LandmarkSite MakeLandmarkSite() {
   LandmarkSite site;
   site.data = TinyModelData();
   site.pixels = Blocks(site.width, site.height);
-  site.camera = {.width = site.width, .height = site.height, .fx = 280, .fy = 280,
-                 .cx = 159.5, .cy = 119.5};
+  site.camera = {
+      .width = site.width, .height = site.height, .fx = 280, .fy = 280, .cx = 159.5, .cy = 119.5};
   site.world_from_cam = {Eigen::Quaterniond(0.9, 0.1, -0.4, 0.1).normalized(),
                          Eigen::Vector3d(1, -2, 0.5)};
   AddLandmarks(Extract(site), site, site.data);

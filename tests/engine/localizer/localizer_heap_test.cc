@@ -56,7 +56,8 @@ TEST(LocalizerHeap, LocalizingAllocatesNothing) {
         localizer.Localize(whole, {.camera = &site.camera, .cam_from_world = &right})->has_pose;
     const bool lost = localizer.Localize(whole, {.cam_from_world = &wrong})->has_pose;
     const bool focal = localizer.Localize(strip)->has_pose;
-    const bool empty = localizer.Localize({plain.data(), site.width, site.height, site.width})->has_pose;
+    const bool empty =
+        localizer.Localize({plain.data(), site.width, site.height, site.width})->has_pose;
     EXPECT_EQ(allocations, before) << "round " << round;
     EXPECT_TRUE(alone && tracked && lost && focal);
     EXPECT_FALSE(empty);

@@ -78,10 +78,14 @@ TEST_F(LocalizerPoseTest, AnImageOfAnotherShapeGetsItsFocalLengthRefined) {
 TEST_F(LocalizerPoseTest, APriorCameraThatIsWrongIsAnError) {
   Localizer localizer = Make();
   const std::vector<std::function<void(Camera&)>> wrong = {
-      [](Camera& c) { c.fx = 0; },        [](Camera& c) { c.fy = kNan; },
-      [](Camera& c) { c.width = 0; },     [](Camera& c) { c.height = -240; },
-      [](Camera& c) { c.height = 320; },  [](Camera& c) { c.width = 240, c.height = 320; },
-      [](Camera& c) { c.cx = 1 / 0.0; },  [](Camera& c) { c.model = static_cast<CameraModel>(9); },
+      [](Camera& c) { c.fx = 0; },
+      [](Camera& c) { c.fy = kNan; },
+      [](Camera& c) { c.width = 0; },
+      [](Camera& c) { c.height = -240; },
+      [](Camera& c) { c.height = 320; },
+      [](Camera& c) { c.width = 240, c.height = 320; },
+      [](Camera& c) { c.cx = 1 / 0.0; },
+      [](Camera& c) { c.model = static_cast<CameraModel>(9); },
       [](Camera& c) { c.distortion[7] = kNan; },
   };
   for (std::size_t i = 0; i < wrong.size(); ++i) {

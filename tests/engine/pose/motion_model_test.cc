@@ -51,8 +51,7 @@ TEST(MotionModel, GapsAreBridgedInProportion) {
   for (const int frame : {3, 4, 6}) {
     const auto prediction = motion.Predict(frame);
     ASSERT_TRUE(prediction);
-    ExpectNear(Inverse(prediction->cam_from_world), WorldFromCam(frame, kStep, kTurn), 1e-12,
-               1e-3);
+    ExpectNear(Inverse(prediction->cam_from_world), WorldFromCam(frame, kStep, kTurn), 1e-12, 1e-3);
   }
 }
 

@@ -54,8 +54,7 @@ TEST(PoseFinder, FindsThePoseAmongNoiseAndClutter) {
   for (const double k : {0.0, 1.4, 3.5, 5.1, 7.0}) {
     const Rigid3 truth = SyntheticSite::CamFromWorld(k);
     const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
-    const FoundPose found =
-        finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
+    const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
     ExpectAt(found, truth, 0.01, 0.003);
     EXPECT_EQ(found.map_idx, 0);
     EXPECT_GE(found.num_inliers, 100);
@@ -97,9 +96,10 @@ TEST(PoseFinder, NothingIsFoundAmongRandomFeatures) {
                                          {.clutter = 600, .share_seen = 0});
     const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
     EXPECT_FALSE(found.found) << found.num_inliers;
-    EXPECT_FALSE(finder->FindNear(features, SyntheticSite::camera(), false, 0,
-                                  SyntheticSite::CamFromWorld(3))
-                     .found);
+    EXPECT_FALSE(
+        finder
+            ->FindNear(features, SyntheticSite::camera(), false, 0, SyntheticSite::CamFromWorld(3))
+            .found);
   }
 }
 
@@ -143,10 +143,9 @@ TEST(PoseFinder, ASmallShareOfWhatShouldBeSeenDoesNotConvince) {
   Finder credulous(site, {.min_inliers = 8, .min_inlier_share = 0});
   Finder strict(site, {.min_inliers = 8, .min_inlier_share = 0.5F});
   const Rigid3 truth = SyntheticSite::CamFromWorld(3);
-  const FeatureSet features =
-      site.See(SyntheticSite::camera(), truth, 0, {.noise_px = 0.4, .clutter = 60, .share_seen = 0.2});
-  const FoundPose found =
-      credulous->Find(features, SyntheticSite::camera(), false, AllKeyframes());
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0,
+                                       {.noise_px = 0.4, .clutter = 60, .share_seen = 0.2});
+  const FoundPose found = credulous->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   ASSERT_TRUE(found.found);
   EXPECT_LT(found.num_inliers, found.num_expected / 3);
   EXPECT_FALSE(strict->Find(features, SyntheticSite::camera(), false, AllKeyframes()).found);
@@ -229,14 +228,12 @@ TEST(PoseFinder, FramesDoNotInfluenceEachOther) {
 
 TEST(PoseFinder, LandmarksAllAtOnePointAreNoPose) {
   SyntheticSite site;
-  const FeatureSet features =
-      site.See(SyntheticSite::camera(), SyntheticSite::CamFromWorld(3), 0);
+  const FeatureSet features = site.See(SyntheticSite::camera(), SyntheticSite::CamFromWorld(3), 0);
   for (auto& position : site.data().landmark_position) position = {0, 0, 0};
   Finder finder(site);
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   EXPECT_FALSE(found.found) << found.num_inliers;
-  const FeatureSet one_point =
-      site.See(SyntheticSite::camera(), SyntheticSite::CamFromWorld(3), 0);
+  const FeatureSet one_point = site.See(SyntheticSite::camera(), SyntheticSite::CamFromWorld(3), 0);
   (void)finder->Find(one_point, SyntheticSite::camera(), false, AllKeyframes());
   (void)finder->FindNear(one_point, SyntheticSite::camera(), false, 0,
                          SyntheticSite::CamFromWorld(3));
@@ -258,8 +255,8 @@ TEST(PoseFinder, KeyframesThatShareNothing) {
   }
   Finder finder(site);
   const Rigid3 truth = SyntheticSite::CamFromWorld(3);
-  const FeatureSet features =
-      site.See(SyntheticSite::camera(), truth, 0, {.noise_px = 0.4, .clutter = 60, .share_seen = 1});
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0,
+                                       {.noise_px = 0.4, .clutter = 60, .share_seen = 1});
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   ExpectAt(found, truth, 0.03, 0.01);
 }
@@ -283,8 +280,8 @@ TEST(PoseFinder, TheMostLandmarksThatFit) {
   SyntheticSite site;
   Finder finder(site, {.max_landmarks = 64, .min_inliers = 8});
   const Rigid3 truth = SyntheticSite::CamFromWorld(3);
-  const FeatureSet features =
-      site.See(SyntheticSite::camera(), truth, 0, {.noise_px = 0.4, .clutter = 60, .share_seen = 1});
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0,
+                                       {.noise_px = 0.4, .clutter = 60, .share_seen = 1});
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   EXPECT_LE(found.num_inliers, 64);
   EXPECT_TRUE(!found.found || CentreError(found, truth) <= 0.1);

@@ -67,7 +67,8 @@ class SyntheticSite {
     std::normal_distribution<double> noise(0, options.noise_px);
     for (std::uint32_t l = data_.map_begin[map]; l < data_.map_begin[map + 1]; ++l) {
       Eigen::Vector2d pixel;
-      const bool seen = through.Project(cam_from_world * Position(l), pixel) && Inside(through, pixel);
+      const bool seen =
+          through.Project(cam_from_world * Position(l), pixel) && Inside(through, pixel);
       if (!seen || unit(random_) > options.share_seen) continue;
       pixel += Eigen::Vector2d(noise(random_), noise(random_));
       Append(pixel, &data_.landmark_descriptors[std::size_t(l) * kDim], features);
@@ -104,8 +105,8 @@ class SyntheticSite {
       std::array<std::int16_t, 3> position;
       const int half[] = {32767, 13000, 16000};
       for (int axis = 0; axis < 3; ++axis) {
-        position[axis] = static_cast<std::int16_t>(static_cast<int>(random_() % (2 * half[axis])) -
-                                                   half[axis]);
+        position[axis] =
+            static_cast<std::int16_t>(static_cast<int>(random_() % (2 * half[axis])) - half[axis]);
       }
       data_.landmark_position.push_back(position);
       data_.landmark_laplacian_sign.push_back(1);

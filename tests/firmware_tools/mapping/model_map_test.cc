@@ -82,7 +82,8 @@ Eigen::Vector3d PositionOf(const ModelData& model, std::size_t landmark, std::si
 int PointOf(const Reconstruction& map, const Eigen::Vector3d& position) {
   int best = 0;
   for (int p = 1; p < static_cast<int>(map.points.size()); ++p) {
-    if ((map.points[p].position - position).norm() < (map.points[best].position - position).norm()) {
+    if ((map.points[p].position - position).norm() <
+        (map.points[best].position - position).norm()) {
       best = p;
     }
   }
