@@ -272,11 +272,12 @@ Status ModelView::LoadLandmarks() {
                 Span(l->position()),
                 Span(l->descriptors()),
                 Span(l->laplacian_sign()),
+                Span(l->rarity()),
                 l->pixel_sigma()};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
-                     m.position.size() == 3 * size &&
+                     m.position.size() == 3 * size && m.rarity.size() == size &&
                      m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
                      m.map_begin.front() == 0 && m.map_begin.back() == size;
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
