@@ -272,13 +272,15 @@ Status ModelView::LoadLandmarks() {
                 Span(l->position()),
                 Span(l->descriptors()),
                 Span(l->laplacian_sign()),
-                l->pixel_sigma()};
+                l->pixel_sigma(),
+                Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
                      m.position.size() == 3 * size &&
                      m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
-                     m.map_begin.front() == 0 && m.map_begin.back() == size;
+                     m.map_begin.front() == 0 && m.map_begin.back() == size &&
+                     (m.map_metric.empty() || m.map_metric.size() == maps);
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
   if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
     return Corrupt("model's landmarks hold a number that is out of range");

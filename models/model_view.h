@@ -98,6 +98,7 @@ struct ModelLandmarks {
   std::span<const std::int8_t> descriptors;      // [size, dim]
   std::span<const std::int8_t> laplacian_sign;   // [size]
   float pixel_sigma = 1;
+  std::span<const std::uint8_t> map_metric;      // [maps] 0 or 1; empty: all as the model
 };
 
 // A model file, opened over borrowed bytes. Everything is checked once, in Open();
@@ -117,7 +118,10 @@ class ModelView {
   bool has_landmarks() const { return landmarks_.size > 0; }
   const ModelCamera& camera() const { return camera_; }           // where landmarks are
   const ModelLandmarks& landmarks() const { return landmarks_; }  // none: size 0
-  bool metric() const { return metric_; }
+  bool metric() const { return metric_; }  // at least the first map's units are metres
+  bool metric(int map_idx) const {
+    return landmarks_.map_metric.empty() ? metric_ : landmarks_.map_metric[map_idx] != 0;
+  }
   std::string_view record() const { return record_; }  // JSON
 
   // The map that a landmark is of.

@@ -32,8 +32,9 @@ flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder
   const auto position = b.CreateVector(Flat(d.landmark_position));
   const auto descriptors = b.CreateVector(d.landmark_descriptors);
   const auto sign = b.CreateVector(d.landmark_laplacian_sign);
+  const auto map_metric = b.CreateVector(d.map_metric);
   return fb::CreateLandmarks(b, map_begin, map_origin, map_step, position, descriptors, sign,
-                             d.pixel_sigma);
+                             d.pixel_sigma, map_metric);
 }
 
 // Everything is written, defaults too: a reader then sees each stated value.

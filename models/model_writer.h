@@ -48,6 +48,7 @@ struct ModelData {
   std::vector<std::uint32_t> map_begin;
   std::vector<std::array<float, 3>> map_origin;
   std::vector<float> map_step;
+  std::vector<std::uint8_t> map_metric;
   std::vector<std::array<std::int16_t, 3>> landmark_position;
   std::vector<std::int8_t> landmark_descriptors;  // [landmarks, features.descriptor_dim]
   std::vector<std::int8_t> landmark_laplacian_sign;

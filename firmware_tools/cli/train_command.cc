@@ -22,6 +22,8 @@ struct TrainFlags {
   std::string views = "auto";
   std::string map = "auto";
   std::string work;
+  std::string control;
+  std::string tags;
   std::string histogram = "hellinger";
   std::string negatives = "auto";
   double c = 0;
@@ -53,6 +55,7 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
                        : flags.map == "colmap" ? MapSource::kColmap
                                                : MapSource::kPoses;
   options.map.work_folder = flags.work.empty() ? flags.out + ".map" : flags.work;
+  options.map.controls = ReadSiteControls(flags.control, flags.tags);
   options.map.seed = static_cast<int>(options.seed % 1000000);
   options.map.jobs = options.jobs;
   if (flags.c > 0) options.c = flags.c;
@@ -75,6 +78,7 @@ void PrintWarnings(const ImageSet& set, const Preparation& prepared, int jobs) {
   std::vector<Finding> findings = CheckLabels(set);
   const std::vector<Finding> more = CheckAppearance(set, prepared, jobs, ShowProgress);
   findings.insert(findings.end(), more.begin(), more.end());
+  for (const std::string& note : prepared.site.notes) std::fprintf(stderr, "%s\n", note.c_str());
   for (const std::string& warning : prepared.warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
@@ -134,6 +138,11 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--work", flags->work,
                       "folder for COLMAP's files, kept; default: the model's name with .map");
+  command->add_option("--control", flags->control,
+                      "CSV name,x,y,z: where on the site, in metres, some images' cameras stood");
+  command->add_option("--tags", flags->tags,
+                      "CSV of printed AprilTags or ArUco markers in the images: family,id and "
+                      "size_m,tx,ty,tz,qx,qy,qz,qw or x0,y0,z0,...,x3,y3,z3");
   command->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
                       "landmarks that each keyframe keeps, about")
       ->check(CLI::Range(16, 8192))
