@@ -9,6 +9,7 @@
 
 #include "engine/base/exp.h"
 #include "engine/image/resize.h"
+#include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
 #include "engine/vocabulary/vocabulary.h"
@@ -93,6 +94,21 @@ Camera GuessCamera(const Camera& like, int width, int height) {
   return camera;
 }
 
+// Nothing where none is asked for.
+Result<std::optional<WindowAdjuster>> MakeWindow(const ModelView& model,
+                                                 const LocalizerOptions& options) {
+  if (options.window == 0) return std::optional<WindowAdjuster>();
+  if (!(options.frame_interval_s > 0)) {
+    return Status(StatusCode::kInvalidArgument, "frame_interval_s is not positive");
+  }
+  WindowAdjusterOptions window;
+  window.max_frames = options.window;
+  window.capacity = model.features().max_features;
+  auto created = WindowAdjuster::Create(window);
+  if (!created.ok()) return created.status();
+  return std::optional<WindowAdjuster>(std::move(*created));
+}
+
 }  // namespace
 
 const char* ReasonName(Reason reason) {
@@ -111,7 +127,8 @@ const char* ReasonName(Reason reason) {
 
 struct Localizer::State {
   State(const ModelView& model_view, const LocalizerOptions& localizer_options,
-        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder)
+        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder,
+        std::optional<WindowAdjuster> window_adjuster)
       : model(model_view),
         options(localizer_options),
         extractor(std::move(feature_extractor)),
@@ -129,7 +146,8 @@ struct Localizer::State {
                   model.scoring().num_pairs),
         keyframe_similarities(model.keyframes().size),
         model_camera(ModelsCamera(model.camera())),
-        pose_finder(std::move(finder)) {
+        pose_finder(std::move(finder)),
+        window(std::move(window_adjuster)) {
     keyframe_order.reserve(model.keyframes().size);
   }
 
@@ -143,8 +161,9 @@ struct Localizer::State {
   std::span<const int> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
-  void FindPose(Fix& fix);
-  void TakePose(const FoundPose& found, Fix& fix) const;
+  void FindPose(const Prior& prior, Fix& fix);
+  void TakePose(const FoundPose& found, std::uint64_t sequence, Fix& fix);
+  void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void LocateByScore(Fix& fix);
   void ClearScores();
 
@@ -165,6 +184,8 @@ struct Localizer::State {
   Camera model_camera;
   std::optional<PoseFinder> pose_finder;  // where the model has landmarks
   std::vector<int> keyframe_order;
+  std::optional<WindowAdjuster> window;  // where asked for
+  int window_map = -1;                   // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -255,7 +276,7 @@ void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
   camera = refine_focal ? GuessCamera(known, width, height) : known.ResizedTo(width, height);
 }
 
-void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
+void Localizer::State::TakePose(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
   fix.localized = true;
   fix.has_pose = true;
   fix.map_idx = found.map_idx;
@@ -267,6 +288,22 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
   const auto inliers = static_cast<float>(found.num_inliers);
   fix.confidence = inliers / (inliers + kDoubtfulInliers);
+  if (window) AdjustWindow(found, sequence, fix);
+}
+
+// The pose as the frames before it see it too. How a camera moves is known in metres only.
+void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
+  if (!model.metric(found.map_idx)) return;
+  if (found.map_idx != window_map) window->Clear();
+  window_map = found.map_idx;
+  const double time_s = static_cast<double>(sequence) * options.frame_interval_s;
+  const AdjustedPose adjusted =
+      window->Push(time_s, found.camera, pose_finder->inliers(), found.pose.cam_from_world);
+  if (!adjusted.found) return;
+  fix.world_from_cam = Inverse(adjusted.cam_from_world);
+  // As of a single frame: sigmas that turn out too small would promise too much.
+  const double excess = std::max(1.0, found.pose.residual_rms);
+  fix.covariance = excess * excess * adjusted.covariance;
 }
 
 // Whether the frame was found where it was expected.
@@ -276,17 +313,18 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
                                                 *prior.cam_from_world);
   if (!found.found) return false;
   ClearScores();
-  TakePose(found, fix);
+  TakePose(found, prior.sequence, fix);
+  fix.tracked = true;
   return true;
 }
 
 // What the landmarks say decides. Where the guess is a place without landmarks, the scores'
 // word stands.
-void Localizer::State::FindPose(Fix& fix) {
+void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found =
       pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   if (found.found) {
-    TakePose(found, fix);
+    TakePose(found, prior.sequence, fix);
     fix.reasons = 0;
     return;
   }
@@ -333,8 +371,10 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
     if (!created.ok()) return created.status();
     finder.emplace(std::move(*created));
   }
-  return Localizer(
-      std::make_unique<State>(model, options, std::move(extractor), std::move(finder)));
+  auto window = MakeWindow(model, options);
+  if (!window.ok()) return window.status();
+  return Localizer(std::make_unique<State>(model, options, std::move(extractor),
+                                           std::move(finder), std::move(*window)));
 }
 
 Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
@@ -360,7 +400,7 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
       s.LocateByScore(fix);
       fix.ms.score = Milliseconds(s.Now() - now);
       now = s.Now();
-      if (s.pose_finder) s.FindPose(fix);
+      if (s.pose_finder) s.FindPose(prior, fix);
       fix.ms.pose += Milliseconds(s.Now() - now);
     }
   }

@@ -110,6 +110,15 @@ std::array<std::uint8_t, kModelHashBytes> HashModel(std::span<const std::uint8_t
   return hash;
 }
 
+bool IsFloorPlanPicture(std::span<const std::uint8_t> file) {
+  constexpr std::array<std::uint8_t, 8> kPng = {0x89, 'P', 'N', 'G', 0x0D, 0x0A, 0x1A, 0x0A};
+  constexpr std::array<std::uint8_t, 3> kJpeg = {0xFF, 0xD8, 0xFF};
+  const auto begins_with = [&](std::span<const std::uint8_t> magic) {
+    return file.size() > magic.size() && std::equal(magic.begin(), magic.end(), file.begin());
+  };
+  return begins_with(kPng) || begins_with(kJpeg);
+}
+
 Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
   if (Status status = CheckHeader(bytes); !status.ok()) return status;
   if (Status status = CheckHash(bytes); !status.ok()) return status;
@@ -127,7 +136,8 @@ Status ModelView::Load() {
   for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
                             &ModelView::LoadScoring, &ModelView::LoadConfidence,
                             &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks}) {
+                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks,
+                            &ModelView::LoadFloorPlan}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -322,6 +332,18 @@ Status ModelView::LoadKeyframeLandmarks() {
     }
   }
   return {};
+}
+
+Status ModelView::LoadFloorPlan() {
+  const fb::FloorPlan* f = Root(bytes_)->floor_plan();
+  if (f == nullptr) return {};
+  floor_plan_ = {Span(f->picture()), f->width(), f->height(), Span(f->site_from_pixel())};
+  const ModelFloorPlan& p = floor_plan_;
+  const bool valid = p.picture.size() <= kMaxFloorPlanBytes && IsFloorPlanPicture(p.picture) &&
+                     p.width >= 1 && p.height >= 1 && p.site_from_pixel.size() == 4 &&
+                     AllFinite(p.site_from_pixel) &&
+                     (p.site_from_pixel[0] != 0 || p.site_from_pixel[1] != 0);
+  return valid ? Status() : Corrupt("model's floor plan is out of range");
 }
 
 int ModelView::MapOf(std::uint32_t landmark_idx) const {

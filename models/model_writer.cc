@@ -37,6 +37,15 @@ flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder
                              d.pixel_sigma, map_metric);
 }
 
+flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder& b,
+                                                  const ModelData::FloorPlanData& f) {
+  if (f.picture.empty()) return 0;
+  const auto picture = b.CreateVector(f.picture);
+  const auto alignment = b.CreateVector(f.site_from_pixel.data(), f.site_from_pixel.size());
+  return fb::CreateFloorPlan(b, picture, static_cast<std::uint16_t>(f.width),
+                             static_cast<std::uint16_t>(f.height), alignment);
+}
+
 // Everything is written, defaults too: a reader then sees each stated value.
 flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, const ModelData& d) {
   const ModelFeatures& f = d.features;
@@ -81,7 +90,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
     map = BuildLandmarks(b, d);
   }
   return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
-                         map, b.CreateString(d.record));
+                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan));
 }
 
 template <typename T>

@@ -54,6 +54,13 @@ struct ModelData {
   std::vector<std::int8_t> landmark_laplacian_sign;
   float pixel_sigma = 1;
   bool metric = false;
+  // An empty picture: none.
+  struct FloorPlanData {
+    std::vector<std::uint8_t> picture;  // a PNG or JPEG file
+    int width = 0;
+    int height = 0;
+    std::array<double, 4> site_from_pixel{};
+  } floor_plan;
   std::string record;
 };
 

@@ -8,6 +8,7 @@
 #include "engine/features/feature_extractor.h"
 #include "engine/geometry/camera.h"
 #include "engine/geometry/rigid3.h"
+#include "engine/pose/pose_match.h"
 #include "engine/pose/pose_refiner.h"
 #include "models/model_view.h"
 
@@ -41,6 +42,7 @@ struct FoundPose {
   int keyframe_idx = -1;  // the one that shares most of the matched landmarks
   int num_inliers = 0;    // matches that agree with the pose
   RefinedPose pose;       // camera from the map's frame of reference
+  Camera camera;          // that it is the pose of: the focal length refined, if it was a guess
 };
 
 // Where a camera stands among a model's landmarks: matches the frame's features with the
@@ -65,6 +67,9 @@ class PoseFinder {
   // frame before.
   FoundPose FindNear(const FeatureSet& features, const Camera& camera, bool refine_focal,
                      int map_idx, const Rigid3& cam_from_world);
+
+  // Of the last pose that was found: [num_inliers], in pixels of its camera.
+  std::span<const PoseMatch> inliers() const;
 
  private:
   struct State;

@@ -390,6 +390,10 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   model.confidence = ConfidenceOf(labels, tried.front());
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
   AddMapToModel(prepared.site, set, prepared.features, keyframes, options.model_map, model);
+  if (options.floor_plan) {
+    const FloorPlan& plan = *options.floor_plan;
+    model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};
+  }
   model.record = Record(set, options, prepared, tried).dump();
   return result;
 }
