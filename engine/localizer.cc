@@ -46,7 +46,11 @@ Status CheckImage(const ImageView& image) {
 
 // Keyframes whose landmarks a frame is matched with: those of the first few places that the
 // scores name.
-constexpr int kPromisingKeyframes = 20;
+constexpr int kPromisingKeyframes = 24;
+constexpr int kPromisingOfLocation = 8;
+
+// A pose elsewhere that more than this share of the landmarks agree with leaves a doubt.
+constexpr float kAmbiguousShare = 0.9F;
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -148,7 +152,9 @@ struct Localizer::State {
         model_camera(ModelsCamera(model.camera())),
         pose_finder(std::move(finder)),
         window(std::move(window_adjuster)) {
-    keyframe_order.reserve(model.keyframes().size);
+    all_proposed.reserve(model.keyframes().size);
+    proposed.reserve(kPromisingKeyframes);
+    proposed_of_location.resize(model.scoring().num_locations);
   }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
@@ -158,12 +164,13 @@ struct Localizer::State {
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
   void Decide(Fix& fix) const;
-  std::span<const int> PromisingKeyframes();
+  std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
   void FindPose(const Prior& prior, Fix& fix);
-  void TakePose(const FoundPose& found, std::uint64_t sequence, Fix& fix);
+  void TakePose(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
+  void RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
   void ClearScores();
 
@@ -183,7 +190,9 @@ struct Localizer::State {
   std::vector<float> keyframe_similarities;
   Camera model_camera;
   std::optional<PoseFinder> pose_finder;  // where the model has landmarks
-  std::vector<int> keyframe_order;
+  std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
+  std::vector<ProposedKeyframe> proposed;
+  std::vector<int> proposed_of_location;  // [locations]
   std::optional<WindowAdjuster> window;  // where asked for
   int window_map = -1;                   // that its frames are in
   // Of the frame at hand, at the size that features are found in.
@@ -252,22 +261,29 @@ void Localizer::State::Decide(Fix& fix) const {
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
-// the location, applied to each.
-std::span<const int> Localizer::State::PromisingKeyframes() {
+// the location, applied to each. No location takes all the places, so that a look-alike one has
+// its say.
+std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
   const float weight = model.scoring().keyframe_weight;
-  const auto promise = [&](int k) {
-    return pair_scores[model.keyframes().pair[k]] + weight * keyframe_similarities[k];
-  };
-  keyframe_order.resize(model.keyframes().size);
-  std::iota(keyframe_order.begin(), keyframe_order.end(), 0);
-  const auto cut = keyframe_order.begin() +
-                   std::min<std::ptrdiff_t>(kPromisingKeyframes, std::ssize(keyframe_order));
-  std::partial_sort(keyframe_order.begin(), cut, keyframe_order.end(), [&](int a, int b) {
-    const float promise_a = promise(a);
-    const float promise_b = promise(b);
-    return promise_a != promise_b ? promise_a > promise_b : a < b;
-  });
-  return {keyframe_order.begin(), cut};
+  const auto& pair_of = model.keyframes().pair;
+  all_proposed.clear();
+  for (int k = 0; k < model.keyframes().size; ++k) {
+    all_proposed.push_back({k, pair_scores[pair_of[k]] + weight * keyframe_similarities[k]});
+  }
+  std::sort(all_proposed.begin(), all_proposed.end(),
+            [](const ProposedKeyframe& a, const ProposedKeyframe& b) {
+              return a.promise != b.promise ? a.promise > b.promise
+                                            : a.keyframe_idx < b.keyframe_idx;
+            });
+  std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
+  proposed.clear();
+  for (const ProposedKeyframe& p : all_proposed) {
+    int& taken = proposed_of_location[model.scoring().pair_location[pair_of[p.keyframe_idx]]];
+    if (++taken > kPromisingOfLocation) continue;
+    proposed.push_back(p);
+    if (std::ssize(proposed) == kPromisingKeyframes) break;
+  }
+  return proposed;
 }
 
 void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
@@ -276,24 +292,25 @@ void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
   camera = refine_focal ? GuessCamera(known, width, height) : known.ResizedTo(width, height);
 }
 
-void Localizer::State::TakePose(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
+void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.localized = true;
   fix.has_pose = true;
   fix.map_idx = found.map_idx;
   fix.world_from_cam = Inverse(found.pose.cam_from_world);
   fix.covariance = found.pose.covariance;
   fix.num_inliers = found.num_inliers;
+  fix.num_expected = found.num_expected;
+  fix.num_rival_inliers = found.num_rival_inliers;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
   const auto inliers = static_cast<float>(found.num_inliers);
   fix.confidence = inliers / (inliers + kDoubtfulInliers);
-  if (window) AdjustWindow(found, sequence, fix);
 }
 
 // The pose as the frames before it see it too. How a camera moves is known in metres only.
 void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
-  if (!model.metric(found.map_idx)) return;
+  if (!window || !model.metric(found.map_idx)) return;
   if (found.map_idx != window_map) window->Clear();
   window_map = found.map_idx;
   const double time_s = static_cast<double>(sequence) * options.frame_interval_s;
@@ -306,6 +323,20 @@ void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequen
   fix.covariance = excess * excess * adjusted.covariance;
 }
 
+// Two places agree with the frame about as well: neither is said.
+void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const {
+  fix.localized = false;
+  fix.has_pose = false;
+  fix.reasons |= kAmbiguous;
+  fix.confidence = std::min(fix.confidence, 0.5F);
+  const int rival =
+      model.scoring().pair_location[model.keyframes().pair[found.rival_keyframe_idx]];
+  if (rival != fix.location_idx) {
+    fix.num_rivals = 1;
+    fix.rivals[0] = rival;
+  }
+}
+
 // Whether the frame was found where it was expected.
 bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   if (!pose_finder || prior.cam_from_world == nullptr) return false;
@@ -313,8 +344,9 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
                                                 *prior.cam_from_world);
   if (!found.found) return false;
   ClearScores();
-  TakePose(found, prior.sequence, fix);
+  TakePose(found, fix);
   fix.tracked = true;
+  AdjustWindow(found, prior.sequence, fix);
   return true;
 }
 
@@ -324,8 +356,14 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found =
       pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   if (found.found) {
-    TakePose(found, prior.sequence, fix);
+    TakePose(found, fix);
     fix.reasons = 0;
+    if (static_cast<float>(found.num_rival_inliers) >
+        kAmbiguousShare * static_cast<float>(found.num_inliers)) {
+      RefuseAsAmbiguous(found, fix);
+    } else {
+      AdjustWindow(found, prior.sequence, fix);
+    }
     return;
   }
   fix.num_inliers = found.num_inliers;

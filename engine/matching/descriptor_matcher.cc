@@ -60,8 +60,7 @@ void CompareRows(const Rows& queries, const Rows& candidates, int dim, NearestTw
       for (int q = block; q < block + kQueryBlock; ++q) {
         const Sums sums = DotBlock<kDim>(queries.rows + std::size_t(q) * dim, rows, dim);
         for (int i = 0; i < kCandidateBlock; ++i) {
-          const std::int32_t distance2 =
-              queries.norm2[q] + candidates.norm2[c + i] - 2 * sums[i];
+          const std::int32_t distance2 = queries.norm2[q] + candidates.norm2[c + i] - 2 * sums[i];
           Update(nearest[q], distance2, candidates.idx[c + i]);
           if (distance2 >= best_distance2[c + i]) continue;
           best_distance2[c + i] = distance2;
@@ -158,8 +157,7 @@ void DescriptorMatcher::Compare() {
   }
 }
 
-Status DescriptorMatcher::FindNearest(const DescriptorSet& queries,
-                                      const DescriptorSet& candidates,
+Status DescriptorMatcher::FindNearest(const DescriptorSet& queries, const DescriptorSet& candidates,
                                       std::span<NearestTwo> nearest_out) {
   if (const Status status = Check(queries, max_queries_); !status.ok()) return status;
   if (const Status status = Check(candidates, max_candidates_); !status.ok()) return status;
@@ -176,8 +174,7 @@ Status DescriptorMatcher::FindNearest(const DescriptorSet& queries,
   return {};
 }
 
-Result<int> DescriptorMatcher::Match(const DescriptorSet& queries,
-                                     const DescriptorSet& candidates,
+Result<int> DescriptorMatcher::Match(const DescriptorSet& queries, const DescriptorSet& candidates,
                                      const MatchOptions& options,
                                      std::span<DescriptorMatch> matches_out) {
   if (const Status status = options.Validate(); !status.ok()) return status;
@@ -192,8 +189,8 @@ Result<int> DescriptorMatcher::Match(const DescriptorSet& queries,
     if (candidates_.idx[row] >= 0) best_of_candidate_[candidates_.idx[row]] = best_query_[row];
   }
   // In integers, so that every processor draws the same line.
-  const auto ratio2_q16 = static_cast<std::int64_t>(
-      std::lround(double{options.max_ratio} * options.max_ratio * 65536));
+  const auto ratio2_q16 =
+      static_cast<std::int64_t>(std::lround(double{options.max_ratio} * options.max_ratio * 65536));
   int count = 0;
   for (int q = 0; q < static_cast<int>(n); ++q) {
     const NearestTwo& two = nearest[q];

@@ -49,7 +49,7 @@ double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b) {
 
 Status PoseFinderOptions::Validate() const {
   const bool valid = max_landmarks >= 64 && max_landmarks <= 65536 && max_groups >= 1 &&
-                     min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 &&
+                     min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 && min_inlier_share >= 0 &&
                      guided_radius_px > 0 && tracking_radius_px > 0 && max_guided_distance > 0 &&
                      max_guided_distance <= 2048;
   return valid ? Status() : Status(StatusCode::kInvalidArgument, "pose finder option out of range");
@@ -94,7 +94,7 @@ struct PoseFinder::State {
   void ClearCandidates();
   int CountShared(int k) const;
   bool AddCandidatesOf(int k);
-  bool GatherGroup(std::span<const int> proposed);
+  const ProposedKeyframe* GatherGroup(std::span<const ProposedKeyframe> proposed);
   void MatchCandidates(const FeatureSet& features);
   void AddMatch(const Keypoint& keypoint, std::uint32_t landmark);
 
@@ -106,7 +106,9 @@ struct PoseFinder::State {
   bool Refine(const Camera& camera, const PoseRefinerOptions& refiner, RefinedPose& pose);
   FoundPose Grow(const FeatureSet& features, Camera camera, bool refine_focal, RefinedPose start,
                  double radius_px, bool covisible);
-  void Describe(FoundPose& found);
+  void Describe(const Camera& camera, FoundPose& found);
+  bool Convincing(const FoundPose& found, int min_inliers) const;
+  FoundPose BetterOf(const FoundPose& a, const FoundPose& b) const;
   void KeepInliers();
   void StartFrame(const FeatureSet& features);
 
@@ -213,16 +215,21 @@ bool PoseFinder::State::AddCandidatesOf(int k) {
   return true;
 }
 
-// The first keyframe not tried yet, and those after it that see the same landmarks.
-bool PoseFinder::State::GatherGroup(std::span<const int> proposed) {
+// The first keyframe not tried yet, and those after it that see the same landmarks. Null: all
+// have been tried.
+const ProposedKeyframe* PoseFinder::State::GatherGroup(
+    std::span<const ProposedKeyframe> proposed) {
   ClearCandidates();
-  for (const int k : proposed) {
+  const ProposedKeyframe* first = nullptr;
+  for (const ProposedKeyframe& p : proposed) {
+    const int k = p.keyframe_idx;
     if (tried[k] != 0 || LandmarksOf(k).empty()) continue;
-    if (!candidates.empty() && CountShared(k) < kMinShared) continue;
+    if (first != nullptr && CountShared(k) < kMinShared) continue;
+    if (first == nullptr) first = &p;
     tried[k] = 1;
     if (!AddCandidatesOf(k)) break;
   }
-  return !candidates.empty();
+  return first;
 }
 
 void PoseFinder::State::AddMatch(const Keypoint& keypoint, std::uint32_t landmark) {
@@ -357,12 +364,19 @@ bool PoseFinder::State::Refine(const Camera& camera, const PoseRefinerOptions& r
   return refined.found;
 }
 
-// The keyframe that shares most with the matches, and how many there are.
-void PoseFinder::State::Describe(FoundPose& found) {
+// The keyframe that shares most with the matches, and how many of its landmarks should be seen.
+void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   GatherCovisible();
   if (ranked.empty()) return;
   found.keyframe_idx = ranked.front().second;
   found.map_idx = model.MapOf(LandmarksOf(found.keyframe_idx).front());
+  for (const std::uint32_t l : LandmarksOf(found.keyframe_idx)) {
+    Eigen::Vector2d pixel;
+    const bool seen = camera.Project(found.pose.cam_from_world * Position(l), pixel) &&
+                      pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width &&
+                      pixel.y() < camera.height;
+    found.num_expected += seen ? 1 : 0;
+  }
 }
 
 // The matches in use, for whoever goes on with them.
@@ -400,8 +414,33 @@ FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, boo
   // Sigmas that turn out too small would promise too much.
   const double excess = std::max(1.0, pose.residual_rms);
   found.pose.covariance *= excess * excess;
-  Describe(found);
+  Describe(camera, found);
   return found;
+}
+
+bool PoseFinder::State::Convincing(const FoundPose& found, int min_inliers) const {
+  return found.num_inliers >= min_inliers &&
+         static_cast<float>(found.num_inliers) >=
+             options.min_inlier_share * static_cast<float>(found.num_expected);
+}
+
+// The pose that more matches agree with; the other is its rival if it stands elsewhere.
+FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) const {
+  const bool a_first = a.num_inliers >= b.num_inliers;
+  FoundPose better = a_first ? a : b;
+  const FoundPose& other = a_first ? b : a;
+  const bool elsewhere =
+      other.num_inliers > 0 &&
+      (other.map_idx != better.map_idx ||
+       Unlike(Inverse(other.pose.cam_from_world), Inverse(better.pose.cam_from_world)) > 1);
+  const auto take = [&](int inliers, int keyframe) {
+    if (inliers <= better.num_rival_inliers) return;
+    better.num_rival_inliers = inliers;
+    better.rival_keyframe_idx = keyframe;
+  };
+  if (elsewhere) take(other.num_inliers, other.keyframe_idx);
+  take(other.num_rival_inliers, other.rival_keyframe_idx);
+  return better;
 }
 
 PoseFinder::PoseFinder(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -422,24 +461,25 @@ Result<PoseFinder> PoseFinder::Create(const ModelView& model, const PoseFinderOp
 }
 
 FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
-                           std::span<const int> keyframes) {
+                           std::span<const ProposedKeyframe> proposed) {
   State& s = *state_;
   s.StartFrame(features);
   FoundPose best;
-  for (int group = 0; group < s.options.max_groups && s.GatherGroup(keyframes); ++group) {
+  for (int group = 0; group < s.options.max_groups; ++group) {
+    const ProposedKeyframe* first = s.GatherGroup(proposed);
+    if (first == nullptr) break;
+    const bool certain = best.num_inliers >= kCertainTimes * s.options.min_inliers;
+    if (certain && first->promise < proposed.front().promise - s.options.rival_promise) break;
     s.MatchCandidates(features);
     const AbsolutePose start = s.estimator.Estimate(camera, s.matches);
     if (!start.found) continue;
     s.used.assign(s.estimator.inliers().begin(), s.estimator.inliers().end());
     const double radius = s.options.guided_radius_px * (refine_focal ? 2 : 1);
     const FoundPose found = s.Grow(features, camera, refine_focal, start.pose, radius, true);
-    if (found.num_inliers > best.num_inliers) {
-      best = found;
-      s.KeepInliers();
-    }
-    if (best.num_inliers >= kCertainTimes * s.options.min_inliers) break;
+    if (found.num_inliers > best.num_inliers) s.KeepInliers();
+    best = s.BetterOf(best, found);
   }
-  best.found = best.num_inliers >= s.options.min_inliers;
+  best.found = s.Convincing(best, s.options.min_inliers);
   return best;
 }
 
@@ -452,7 +492,7 @@ FoundPose PoseFinder::FindNear(const FeatureSet& features, const Camera& camera,
   start.cam_from_world = cam_from_world;
   FoundPose found = s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px,
                            false);
-  found.found = found.num_inliers >= 2 * s.options.min_inliers;
+  found.found = s.Convincing(found, 2 * s.options.min_inliers);
   if (found.found) s.KeepInliers();
   return found;
 }

@@ -20,9 +20,15 @@ struct PoseFinderOptions {
   int max_landmarks = 3000;
   // Groups of keyframes that see the same landmarks, tried one after another, >= 1.
   int max_groups = 4;
+  // A pose that many matches agree with ends the search, but for groups whose promise comes so
+  // close to the best's: look-alike places are compared by what agrees with each.
+  float rival_promise = 1.0F;
   // Matches that must agree on a pose, >= 4. Chosen by frames of places that are not in the
   // map: none reached 12 there.
   int min_inliers = 15;
+  // And so many of the landmarks that the pose puts into the image, 0..1: a door like any other
+  // is a small part of what should be seen. Frames of other rooms reached 0.09, right ones 0.2.
+  float min_inlier_share = 0.12F;
   // Greatest ratio of the distances to the nearest and second nearest landmark, 0..1. Mild:
   // one thing seen by several keyframes can be several landmarks.
   float max_ratio = 0.9F;
@@ -36,11 +42,21 @@ struct PoseFinderOptions {
   Status Validate() const;
 };
 
+// A keyframe that the frame may show, and how likely it seems: larger is likelier.
+struct ProposedKeyframe {
+  int keyframe_idx = 0;
+  float promise = 0;
+};
+
 struct FoundPose {
   bool found = false;
   int map_idx = -1;
   int keyframe_idx = -1;  // the one that shares most of the matched landmarks
   int num_inliers = 0;    // matches that agree with the pose
+  int num_expected = 0;   // landmarks that the pose puts into the image
+  // Of the best pose elsewhere that was tried, of a look-alike place say.
+  int num_rival_inliers = 0;
+  int rival_keyframe_idx = -1;
   RefinedPose pose;       // camera from the map's frame of reference
   Camera camera;          // that it is the pose of: the focal length refined, if it was a guess
 };
@@ -58,10 +74,10 @@ class PoseFinder {
   PoseFinder& operator=(PoseFinder&&) noexcept;
   ~PoseFinder();
 
-  // `keyframes`: most promising first. `camera`: of the image that features were found in;
+  // `proposed`: most promising first. `camera`: of the image that features were found in;
   // `refine_focal`: its focal length is a guess. No pose is an outcome, not an error.
   FoundPose Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
-                 std::span<const int> keyframes);
+                 std::span<const ProposedKeyframe> proposed);
 
   // By guided matching alone about a pose that is nearly right, as that predicted from the
   // frame before.

@@ -36,8 +36,7 @@ class Child {
     std::vector<char*> arguments;
     for (const std::string& word : command) arguments.push_back(const_cast<char*>(word.c_str()));
     arguments.push_back(nullptr);
-    const int error =
-        posix_spawnp(&pid_, arguments[0], &files, nullptr, arguments.data(), environ);
+    const int error = posix_spawnp(&pid_, arguments[0], &files, nullptr, arguments.data(), environ);
     posix_spawn_file_actions_destroy(&files);
     if (error == ENOENT) {
       throw ToolError(command[0] + ": not found; install it or leave out what needs it");
@@ -116,7 +115,8 @@ void RunLogged(const std::vector<std::string>& command, const std::filesystem::p
     if (poll) poll(added);
   };
   std::optional<int> status;
-  for (milliseconds pause(5); !(status = child.Ended()); pause = std::min(pause * 2, milliseconds(200))) {
+  for (milliseconds pause(5); !(status = child.Ended());
+       pause = std::min(pause * 2, milliseconds(200))) {
     read();
     std::this_thread::sleep_for(pause);
   }

@@ -14,8 +14,12 @@ namespace {
 using RowMatrix27 = Eigen::Matrix<double, 2, 7, Eigen::RowMajor>;
 using RowMatrix23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
 using RowMatrix67 = Eigen::Matrix<double, 6, 7, Eigen::RowMajor>;
-Eigen::Map<Eigen::Vector2d> Vector2(double* numbers) { return Eigen::Map<Eigen::Vector2d>(numbers); }
-Eigen::Map<Eigen::Vector3d> Vector3(double* numbers) { return Eigen::Map<Eigen::Vector3d>(numbers); }
+Eigen::Map<Eigen::Vector2d> Vector2(double* numbers) {
+  return Eigen::Map<Eigen::Vector2d>(numbers);
+}
+Eigen::Map<Eigen::Vector3d> Vector3(double* numbers) {
+  return Eigen::Map<Eigen::Vector3d>(numbers);
+}
 using PoseBlock = std::array<double, 7>;  // quaternion x y z w, translation
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
@@ -45,8 +49,8 @@ class PoseManifold : public ceres::Manifold {
     const Rigid3 pose = ReadPose(x);
     const Eigen::Vector3d turn = Eigen::Map<const Eigen::Vector3d>(delta);
     const double angle = turn.norm();
-    const Eigen::Quaterniond rotation(
-        Eigen::AngleAxisd(angle, angle > 0 ? Eigen::Vector3d(turn / angle) : Eigen::Vector3d(1, 0, 0)));
+    const Eigen::Quaterniond rotation(Eigen::AngleAxisd(
+        angle, angle > 0 ? Eigen::Vector3d(turn / angle) : Eigen::Vector3d(1, 0, 0)));
     const PoseBlock block =
         WritePose({(rotation * pose.rotation).normalized(),
                    pose.translation + Eigen::Map<const Eigen::Vector3d>(delta + 3)});
@@ -86,8 +90,7 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, 7, 3, 1> {
     Eigen::Matrix<double, 2, 3> in_cam;
     if (!camera_.Project(turned + cam_from_world.translation, projected, &in_cam)) return false;
     const Eigen::Vector2d from_center = projected - Eigen::Vector2d(camera_.cx, camera_.cy);
-    Vector2(residuals) =
-        weight_ * (projected + (factor - 1) * from_center - pixel_);
+    Vector2(residuals) = weight_ * (projected + (factor - 1) * from_center - pixel_);
     if (!jacobians) return true;
     in_cam *= weight_ * factor;
     if (jacobians[0]) {
@@ -128,9 +131,8 @@ class PosePrior : public ceres::SizedCostFunction<6, 7> {
     if (!jacobians || !jacobians[0]) return true;
     Eigen::Map<RowMatrix67> jacobian(jacobians[0]);
     jacobian.setZero();
-    jacobian.block<3, 3>(0, 0) =
-        rotation_weight_ * 0.5 * sign *
-        (turn.w() * Eigen::Matrix3d::Identity() - Cross(turn.vec()));
+    jacobian.block<3, 3>(0, 0) = rotation_weight_ * 0.5 * sign *
+                                 (turn.w() * Eigen::Matrix3d::Identity() - Cross(turn.vec()));
     jacobian.block<3, 3>(3, 0) = -position_weight_ * world_from_cam * Cross(pose.translation);
     jacobian.block<3, 3>(3, 3) = -position_weight_ * world_from_cam;
     return true;

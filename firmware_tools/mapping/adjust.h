@@ -10,9 +10,10 @@ struct AdjustOptions {
   bool focal = false;  // one factor on fx and fy of each camera
   // How sure the poses that came in are; they keep the frame. 0: not held to them at all,
   // the frame then is that of the first image.
-  double position_sigma = 0;      // world units
+  double position_sigma = 0;  // world units
   double rotation_sigma_deg = 0.5;
-  double loss_px = 1.0;  // beyond this, errors count less (Cauchy); of an image of 640 pixels a side
+  // Beyond this, errors count less (Cauchy); of an image of 640 pixels a side.
+  double loss_px = 1.0;
   int max_iterations = 30;
 };
 

@@ -56,8 +56,8 @@ class Insert {
     return *this;
   }
   Insert& Text(const std::string& value) {
-    database_.Check(sqlite3_bind_text(statement_.get(), ++column_, value.c_str(), -1,
-                                      SQLITE_TRANSIENT));
+    database_.Check(
+        sqlite3_bind_text(statement_.get(), ++column_, value.c_str(), -1, SQLITE_TRANSIENT));
     return *this;
   }
   template <typename T>

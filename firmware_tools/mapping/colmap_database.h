@@ -19,9 +19,9 @@ inline std::int64_t ColmapPairId(const FramePair& frames) {
 }
 
 // Fills a database that `colmap database_creator` made with what its mapper reads: cameras,
-// images with features, key points (pixel centres at +0.5) and verified matches. No
-// descriptors, and none of the matrices, which it works out itself. Throws ToolError naming the file and SQLite's
-// reason; the file then is as it was.
+// images with features, key points (pixel centres at +0.5) and verified matches. No descriptors,
+// and none of the matrices, which it works out itself. Throws ToolError naming the file and
+// SQLite's reason; the file then is as it was.
 void WriteColmapDatabase(const MapInput& input, std::span<const VerifiedPair> pairs,
                          const std::filesystem::path& file);
 

@@ -218,9 +218,8 @@ double MedianRotationErrorDeg(const MapInput& input, std::span<const VerifiedPai
     const auto first = images.find(input.frames[pair.frames.first_idx].name);
     const auto second = images.find(input.frames[pair.frames.second_idx].name);
     if (first == images.end() || second == images.end()) continue;
-    const Eigen::Quaterniond second_from_first =
-        second->second->cam_from_world.rotation *
-        first->second->cam_from_world.rotation.conjugate();
+    const Eigen::Quaterniond second_from_first = second->second->cam_from_world.rotation *
+                                                 first->second->cam_from_world.rotation.conjugate();
     errors.push_back(pair.second_from_first.rotation.angularDistance(second_from_first) * kDegrees);
   }
   if (errors.empty()) return 180;

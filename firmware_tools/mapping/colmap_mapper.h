@@ -14,13 +14,13 @@
 namespace viewfix {
 
 struct ColmapOptions {
-  std::string program = "colmap";      // found in PATH if it has no slash
-  std::filesystem::path work_folder;   // made if missing; kept, and used again
+  std::string program = "colmap";     // found in PATH if it has no slash
+  std::filesystem::path work_folder;  // made if missing; kept, and used again
   int seed = 1;
   bool refine_focal = false;
-  int max_trials = 3;         // initial pairs tried before the best model is taken
-  double min_share = 0.9;     // of the frames: registered by a model that needs no other trial
-  double max_error_deg = 2;   // of the pairs' rotations, median: the same
+  int max_trials = 3;        // initial pairs tried before the best model is taken
+  double min_share = 0.9;    // of the frames: registered by a model that needs no other trial
+  double max_error_deg = 2;  // of the pairs' rotations, median: the same
 };
 
 // The poses that COLMAP's mapper gives one connected set of frames.

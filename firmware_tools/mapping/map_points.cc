@@ -49,9 +49,8 @@ std::vector<PointView> ViewsOf(const Reconstruction& map, std::span<const Observ
 }
 
 void SortTrack(MapPoint& point) {
-  std::sort(point.track.begin(), point.track.end(), [](const Observation& a, const Observation& b) {
-    return a.image_idx < b.image_idx;
-  });
+  std::sort(point.track.begin(), point.track.end(),
+            [](const Observation& a, const Observation& b) { return a.image_idx < b.image_idx; });
 }
 
 void RenumberPoints(Reconstruction& map) {

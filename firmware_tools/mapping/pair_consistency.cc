@@ -61,7 +61,8 @@ class Consistency {
   // Frames a < b < c whose three pairs were all verified.
   void FindLoops() {
     std::vector<std::vector<int>> later(input_.frames.size());
-    for (const auto& [frames, pair] : pair_of_) later[frames.first_idx].push_back(frames.second_idx);
+    for (const auto& [frames, pair] : pair_of_)
+      later[frames.first_idx].push_back(frames.second_idx);
     for (const auto& [frames, pair] : pair_of_) {
       const auto [a, b] = frames;
       for (const int c : later[b]) {
@@ -150,10 +151,10 @@ class Consistency {
   const MapInput& input_;
   std::span<const VerifiedPair> pairs_;
   const ConsistencyOptions& options_;
-  std::vector<int> position_;            // [frames] in their capture
+  std::vector<int> position_;  // [frames] in their capture
   std::map<FramePair, int> pair_of_;
   std::vector<Loop> loops_;
-  std::vector<bool> kept_;               // [pairs]
+  std::vector<bool> kept_;  // [pairs]
 };
 
 }  // namespace

@@ -12,10 +12,10 @@ struct ConsistencyOptions {
   // Frames of one capture at most this far apart in order are neighbours: they are likely to
   // show the same, and need less evidence.
   int window = 8;
-  double max_loop_error_deg = 6;    // a loop of three rotations that agree
+  double max_loop_error_deg = 6;      // a loop of three rotations that agree
   double min_contradiction_deg = 15;  // a loop that does not
-  int min_support = 2;              // loops that a pair of frames far apart must agree with
-  int min_lone_inliers = 60;        // enough matches for neighbours that are in no loop
+  int min_support = 2;                // loops that a pair of frames far apart must agree with
+  int min_lone_inliers = 60;          // enough matches for neighbours that are in no loop
   // Matches of a pair far apart must be distinctive: the sum of their weights, where a match
   // counts 1 / (1 + other places its key points match), reaches this.
   double min_distinctive = 12;

@@ -64,7 +64,8 @@ class Registrar {
     if (count < options_.min_inliers || count < options_.min_inlier_share * n) return std::nullopt;
     const Eigen::Vector3d turn(rotation[0], rotation[1], rotation[2]);
     const double angle = turn.norm();
-    const Eigen::Vector3d axis = angle > 0 ? Eigen::Vector3d(turn / angle) : Eigen::Vector3d(1, 0, 0);
+    const Eigen::Vector3d axis =
+        angle > 0 ? Eigen::Vector3d(turn / angle) : Eigen::Vector3d(1, 0, 0);
     return Rigid3{Eigen::Quaterniond(Eigen::AngleAxisd(angle, axis)),
                   {translation[0], translation[1], translation[2]}};
   }
@@ -95,7 +96,7 @@ class Registrar {
   const Reconstruction& map_;
   const MapInput& input_;
   const RegisterOptions& options_;
-  std::vector<int> image_of_;                        // [frames] -1: no pose
+  std::vector<int> image_of_;                         // [frames] -1: no pose
   std::vector<std::set<std::pair<int, int>>> links_;  // [frames] key point, point of the map
 };
 

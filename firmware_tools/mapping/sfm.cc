@@ -108,7 +108,7 @@ class Mapper {
     options.adjustments = adjustments;
     options.adjust.poses = true;
     options.adjust.position_sigma = 0;
-    options.adjust.focal = options_.colmap.refine_focal;
+    options.adjust.focal |= options_.colmap.refine_focal;
     return TriangulateWithPoses(posed, pairs, options, jobs_, Open(stages_, "adjusting"));
   }
 
@@ -126,9 +126,8 @@ class Mapper {
       const auto& first = posed.frames[pair.frames.first_idx].cam_from_world;
       const auto& second = posed.frames[pair.frames.second_idx].cam_from_world;
       if (!first || !second) continue;
-      const double error =
-          kDegrees * pair.second_from_first.rotation.angularDistance(
-                         second->rotation * first->rotation.conjugate());
+      const double error = kDegrees * pair.second_from_first.rotation.angularDistance(
+                                          second->rotation * first->rotation.conjugate());
       errors[pair.frames.first_idx].push_back(error);
       errors[pair.frames.second_idx].push_back(error);
     }
@@ -137,8 +136,8 @@ class Mapper {
     for (std::size_t f = 0; f < posed.frames.size(); ++f) {
       if (!posed.frames[f].cam_from_world) continue;
       const auto& point_idx = map.images[image++].point_idx;
-      const auto seen = std::count_if(point_idx.begin(), point_idx.end(),
-                                      [](int point) { return point >= 0; });
+      const auto seen =
+          std::count_if(point_idx.begin(), point_idx.end(), [](int point) { return point >= 0; });
       if (seen >= options_.min_image_points && Median(errors[f]) <= options_.max_image_error_deg) {
         continue;
       }
@@ -195,8 +194,8 @@ std::vector<bool> LargestComponent(std::span<const VerifiedPair> pairs,
 SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candidates,
                          std::span<const VerifiedPair> pairs, const SfmOptions& options, int jobs,
                          const std::function<Progress(const std::string& stage)>& stages) {
-  const std::vector<VerifiedPair> believed =
-      KeepConsistentPairs(input, pairs, options.consistency);
+  const std::vector<VerifiedPair> believed = DropLookAlikes(
+      input, KeepConsistentPairs(input, pairs, options.consistency), options.look_alikes);
   SfmResult result;
   std::set<std::string> mapped;
   std::vector<bool> left(input.frames.size(), true);
@@ -205,8 +204,8 @@ SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candi
     if (std::count(taken.begin(), taken.end(), true) < options.min_frames) break;
     const auto its_candidates =
         Among<FramePair>(candidates, taken, [](const FramePair& pair) { return pair; });
-    const auto its_pairs = Among<VerifiedPair>(
-        believed, taken, [](const VerifiedPair& pair) { return pair.frames; });
+    const auto its_pairs =
+        Among<VerifiedPair>(believed, taken, [](const VerifiedPair& pair) { return pair.frames; });
     ColmapOptions colmap = options.colmap;
     colmap.work_folder /= "map" + std::string(1, static_cast<char>('1' + m));
     Reconstruction map = Mapper(its_candidates, its_pairs, options, jobs, stages)

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "firmware_tools/mapping/colmap_mapper.h"
+#include "firmware_tools/mapping/look_alikes.h"
 #include "firmware_tools/mapping/pair_consistency.h"
 #include "firmware_tools/mapping/register_frames.h"
 #include "firmware_tools/mapping/triangulate.h"
@@ -15,26 +16,28 @@ namespace viewfix {
 struct SfmOptions {
   TwoViewOptions two_view;
   ConsistencyOptions consistency;
+  LookAlikeOptions look_alikes;
   ColmapOptions colmap;
   TriangulateOptions triangulate;
   RegisterOptions registration;
-  int refinements = 2;   // rounds of: match under the poses, triangulate, adjust, register
-  int min_frames = 10;   // of a map that is worth keeping
-  int max_maps = 8;      // of places that are not connected
+  int refinements = 2;  // rounds of: match under the poses, triangulate, adjust, register
+  int min_frames = 10;  // of a map that is worth keeping
+  int max_maps = 8;     // of places that are not connected
   double max_image_error_deg = 5;  // median disagreement of an image with its pairs' rotations
   int min_image_points = 20;       // seen by an image that is kept
 };
 
 struct SfmResult {
-  std::vector<Reconstruction> maps;    // largest first, each in a frame and scale of its own
-  std::vector<std::string> unmapped;   // names of frames that are in none of them
+  std::vector<Reconstruction> maps;   // largest first, each in a frame and scale of its own
+  std::vector<std::string> unmapped;  // names of frames that are in none of them
 };
 
-// Maps photographs whose poses are not known: verified pairs that contradict the others are put
-// aside (KeepConsistentPairs); COLMAP's mapper makes poses from the rest; under them frames are matched again, points triangulated and adjusted together with the
-// poses (COLMAP's own result can be bent), images that contradict their pairs dropped, and
-// missed frames registered. Frames that are left make maps of their own where they can. Poses in
-// `input` are not used.
+// Maps photographs whose poses are not known. Verified pairs that contradict the others, or that
+// show places which only look alike, are put aside (KeepConsistentPairs(), DropLookAlikes());
+// COLMAP's mapper makes poses from the rest; under them frames are matched again, points
+// triangulated and adjusted together with the poses (COLMAP's own result can be bent), images
+// that contradict their pairs dropped, and missed frames registered. Frames that are left make
+// maps of their own where they can. Poses in `input` are not used.
 //   candidates  pairs of frames that may show the same: SelectPairs()
 //   pairs       those of them that VerifyPairs() kept
 // `stages` opens a stage of progress; may be empty. Throws ToolError where there is no map at

@@ -207,8 +207,7 @@ class Completion {
 }  // namespace
 
 int CompleteTracks(Reconstruction& map, std::span<const ImageFeatures* const> features,
-                   std::span<const std::vector<int>> neighbours,
-                   const CompletionOptions& options) {
+                   std::span<const std::vector<int>> neighbours, const CompletionOptions& options) {
   return Completion(map, features, neighbours, options).Run();
 }
 

@@ -10,7 +10,7 @@
 namespace viewfix {
 
 struct CompletionOptions {
-  double max_error_px = 3.5; // of an image of 640 pixels a side
+  double max_error_px = 3.5;  // of an image of 640 pixels a side
   // Greatest distance of a key point's descriptor from the nearest one of the track;
   // descriptors have length 127.
   double max_descriptor_distance = 50;
@@ -23,7 +23,6 @@ struct CompletionOptions {
 //   neighbours [images] images that may show the same
 // Returns how many observations were added or joined. The same on any number of threads.
 int CompleteTracks(Reconstruction& map, std::span<const ImageFeatures* const> features,
-                   std::span<const std::vector<int>> neighbours,
-                   const CompletionOptions& options);
+                   std::span<const std::vector<int>> neighbours, const CompletionOptions& options);
 
 }  // namespace viewfix

@@ -94,8 +94,8 @@ class MapMaker {
   std::vector<MapPoint> PointsOf(std::vector<Observation> track) const {
     std::vector<MapPoint> points;
     while (track.size() >= 2 && points.size() < kMaxPointsPerTrack) {
-      const auto solved =
-          SolvePoint(ViewsOf(map_, track, options_.max_error_px), options_.min_angle_deg * kRadians);
+      const auto solved = SolvePoint(ViewsOf(map_, track, options_.max_error_px),
+                                     options_.min_angle_deg * kRadians);
       if (!solved) break;
       MapPoint& point = points.emplace_back();
       point.position = solved->position;
@@ -119,9 +119,9 @@ class MapMaker {
   const TriangulateOptions& options_;
   int jobs_;
   Reconstruction map_;
-  std::vector<int> image_of_;                    // [frames] -1: no pose
-  std::vector<const ImageFeatures*> features_;   // [images]
-  std::vector<std::vector<int>> neighbours_;     // [images]
+  std::vector<int> image_of_;                   // [frames] -1: no pose
+  std::vector<const ImageFeatures*> features_;  // [images]
+  std::vector<std::vector<int>> neighbours_;    // [images]
 };
 
 }  // namespace

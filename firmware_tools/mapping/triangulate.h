@@ -12,8 +12,8 @@
 namespace viewfix {
 
 struct TriangulateOptions {
-  double max_error_px = 3.5;   // reprojection, of an image of 640 pixels a side
-  double min_angle_deg = 1.5;  // between the widest rays of a point
+  double max_error_px = 3.5;            // reprojection, of an image of 640 pixels a side
+  double min_angle_deg = 1.5;           // between the widest rays of a point
   double max_descriptor_distance = 50;  // CompletionOptions
   int completion_rounds = 2;            // of looking for points where they must be seen
   int adjustments = 0;  // joint adjustments of poses and points, each with a completion after it

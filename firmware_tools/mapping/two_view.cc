@@ -173,9 +173,8 @@ class PairVerifier {
 
   std::vector<FeatureMatch> MatchPair(const FramePair& frames, Worker& worker) const {
     const MatchOptions options{.max_ratio = options_.max_ratio, .mutual = true};
-    const Result<int> count =
-        worker.matcher.Match(Descriptors(frames.first_idx), Descriptors(frames.second_idx),
-                             options, worker.found);
+    const Result<int> count = worker.matcher.Match(
+        Descriptors(frames.first_idx), Descriptors(frames.second_idx), options, worker.found);
     if (!count.ok()) throw ToolError(std::string("matching: ") + count.status().text());
     std::vector<FeatureMatch> matches;
     for (int i = 0; i < *count; ++i) {
@@ -195,10 +194,9 @@ class PairVerifier {
     if (pair.matches.empty()) return 0;
     std::vector<double> angles;
     for (const FeatureMatch& match : pair.matches) {
-      angles.push_back(
-          Angle(pair.second_from_first.rotation *
-                    prepared_[pair.frames.first_idx].bearings[match.first_idx],
-                prepared_[pair.frames.second_idx].bearings[match.second_idx]));
+      angles.push_back(Angle(pair.second_from_first.rotation *
+                                 prepared_[pair.frames.first_idx].bearings[match.first_idx],
+                             prepared_[pair.frames.second_idx].bearings[match.second_idx]));
     }
     const auto middle = angles.begin() + angles.size() / 2;
     std::nth_element(angles.begin(), middle, angles.end());
@@ -219,8 +217,8 @@ double EpipolarError(const Rigid3& second_from_first, const Eigen::Vector3d& fir
   const Eigen::Vector3d line_in_second = t.cross(turned);
   const Eigen::Vector3d line_in_turned = second.cross(t);
   const double error = second.dot(line_in_second);
-  const double gradient2 = line_in_second.cross(second).squaredNorm() +
-                           line_in_turned.cross(turned).squaredNorm();
+  const double gradient2 =
+      line_in_second.cross(second).squaredNorm() + line_in_turned.cross(turned).squaredNorm();
   return gradient2 > 0 ? std::abs(error) / std::sqrt(gradient2) : 0;
 }
 

@@ -11,15 +11,15 @@ namespace viewfix {
 
 // Key points of two frames that show the same place.
 struct FeatureMatch {
-  int first_idx = 0;   // key point of the first frame
-  int second_idx = 0;  // key point of the second
+  int first_idx = 0;           // key point of the first frame
+  int second_idx = 0;          // key point of the second
   std::int32_t distance2 = 0;  // between their descriptors
 };
 
 struct TwoViewOptions {
-  float max_ratio = 0.8F;            // of distances to the nearest and second nearest descriptor
-  double max_error_px = 1.5;         // from the epipolar line; of an image of 640 pixels a side
-  double max_error_known_px = 3.0;   // the same under given poses, which have errors of their own
+  float max_ratio = 0.8F;           // of distances to the nearest and second nearest descriptor
+  double max_error_px = 1.5;        // from the epipolar line; of an image of 640 pixels a side
+  double max_error_known_px = 3.0;  // the same under given poses, which have errors of their own
   int min_inliers = 15;
   int seed = 1;
 };

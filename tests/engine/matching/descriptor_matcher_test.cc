@@ -29,12 +29,12 @@ struct Problem {
     for (int i = 0; i < m / 4 * dim; ++i) candidates[candidates.size() - 1 - i] = candidates[i];
   }
   DescriptorSet query_set(bool signs) const {
-    return {queries, signs ? std::span<const std::int8_t>(query_signs)
-                           : std::span<const std::int8_t>()};
+    return {queries,
+            signs ? std::span<const std::int8_t>(query_signs) : std::span<const std::int8_t>()};
   }
   DescriptorSet candidate_set(bool signs) const {
-    return {candidates, signs ? std::span<const std::int8_t>(candidate_signs)
-                              : std::span<const std::int8_t>()};
+    return {candidates,
+            signs ? std::span<const std::int8_t>(candidate_signs) : std::span<const std::int8_t>()};
   }
 
   int dim;
@@ -71,9 +71,8 @@ TEST_P(FindNearest, AgreesWithBruteForce) {
     const Problem problem(n, m, dim, n * 100 + m);
     DescriptorMatcher matcher(64, 61, dim);
     std::vector<NearestTwo> nearest(n);
-    ASSERT_TRUE(matcher
-                    .FindNearest(problem.query_set(signs), problem.candidate_set(signs), nearest)
-                    .ok());
+    ASSERT_TRUE(
+        matcher.FindNearest(problem.query_set(signs), problem.candidate_set(signs), nearest).ok());
     for (int q = 0; q < n; ++q) {
       const NearestTwo expected =
           BruteForce(problem.query_set(signs), q, problem.candidate_set(signs), dim);
@@ -98,7 +97,8 @@ TEST_P(Match, KeepsWhatBruteForceKeeps) {
   for (int q = 0; q < 60; ++q) {
     const NearestTwo nearest = BruteForce(queries, q, candidates, 7);
     if (nearest.candidate_idx < 0) continue;
-    if (std::sqrt(double(nearest.distance2)) > ratio * std::sqrt(double(nearest.second_distance2))) {
+    if (std::sqrt(double(nearest.distance2)) >
+        ratio * std::sqrt(double(nearest.second_distance2))) {
       continue;
     }
     const int back = BruteForce(candidates, nearest.candidate_idx, queries, 7).candidate_idx;
@@ -124,9 +124,9 @@ TEST(DescriptorMatcher, RefusesWhatItWasNotMadeFor) {
   DescriptorMatcher matcher(3, 4, 8);
   std::vector<NearestTwo> nearest(4);
   std::vector<DescriptorMatch> matches(4);
-  EXPECT_EQ(matcher.FindNearest(problem.query_set(false), problem.candidate_set(false), nearest)
-                .code(),
-            StatusCode::kResourceExhausted);
+  EXPECT_EQ(
+      matcher.FindNearest(problem.query_set(false), problem.candidate_set(false), nearest).code(),
+      StatusCode::kResourceExhausted);
   EXPECT_EQ(matcher.Match(problem.query_set(false), problem.candidate_set(false), {}, matches)
                 .status()
                 .code(),

@@ -104,11 +104,13 @@ TEST_F(ColmapMapper, GoesOnAfterBeingKilled) {
 
 TEST_F(ColmapMapper, EndsTheProgramWhenInterrupted) {
   MakeEmptyDatabase();
-  InPlaceOfColmap("echo $$ > \"$(dirname $0)/pid\"\necho 'Registering image #2 (3)'\nexec sleep 60\n");
+  InPlaceOfColmap(
+      "echo $$ > \"$(dirname $0)/pid\"\necho 'Registering image #2 (3)'\nexec sleep 60\n");
   const auto interrupt = [](int done, int /*total*/) {
     if (done == 3) throw ToolError("interrupted");
   };
-  EXPECT_THROW(static_cast<void>(RunColmapMapper(input_, pairs_, options_, 1, interrupt)), ToolError);
+  EXPECT_THROW(static_cast<void>(RunColmapMapper(input_, pairs_, options_, 1, interrupt)),
+               ToolError);
   std::string pid = ReadTextFile(folder_ / "pid");
   pid.pop_back();
   EXPECT_FALSE(fs::exists("/proc/" + pid));
@@ -116,7 +118,8 @@ TEST_F(ColmapMapper, EndsTheProgramWhenInterrupted) {
 
 TEST_F(ColmapMapper, ReportsRegisteredFrames) {
   MakeEmptyDatabase();
-  InPlaceOfColmap("echo 'Registering image #2 (3)'\necho 'ERROR: failed to create sparse model'; exit 1\n");
+  InPlaceOfColmap(
+      "echo 'Registering image #2 (3)'\necho 'ERROR: failed to create sparse model'; exit 1\n");
   std::vector<int> seen;
   EXPECT_FALSE(RunColmapMapper(input_, pairs_, options_, 1, [&](int done, int total) {
                  EXPECT_EQ(total, 6);
@@ -178,8 +181,7 @@ TEST_F(ColmapMapper, MapsASceneFromScratch) {
                        distance(scene_.cam_from_world[0], scene_.cam_from_world[5]);
   for (int i = 1; i < 6; ++i) {
     EXPECT_NEAR(distance(map.images[0].cam_from_world, map.images[i].cam_from_world),
-                scale * distance(scene_.cam_from_world[0], scene_.cam_from_world[i]),
-                0.02 * scale);
+                scale * distance(scene_.cam_from_world[0], scene_.cam_from_world[i]), 0.02 * scale);
   }
 }
 

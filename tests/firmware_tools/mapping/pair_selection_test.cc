@@ -23,7 +23,8 @@ Rigid3 Facing(double heading, const Eigen::Vector3d& center) {
 
 TEST(SelectPairs, TakesNeighboursInsideACapture) {
   const MapInput input = Frames({"a", "b", "a", "b", "a"});
-  const auto pairs = SelectPairs(input, Eigen::MatrixXf::Zero(5, 5), {.window = 1, .neighbours = 0});
+  const auto pairs =
+      SelectPairs(input, Eigen::MatrixXf::Zero(5, 5), {.window = 1, .neighbours = 0});
   EXPECT_THAT(pairs, ElementsAre(FramePair{0, 2}, FramePair{1, 3}, FramePair{2, 4}));
 }
 
@@ -31,8 +32,8 @@ TEST(SelectPairs, AddsTheMostAlike) {
   Eigen::MatrixXf similarity = Eigen::MatrixXf::Zero(4, 4);
   similarity(0, 3) = similarity(3, 0) = 0.9F;
   similarity(1, 2) = similarity(2, 1) = 0.8F;
-  const auto pairs = SelectPairs(Frames({"a", "b", "c", "d"}), similarity,
-                                 {.window = 8, .neighbours = 1});
+  const auto pairs =
+      SelectPairs(Frames({"a", "b", "c", "d"}), similarity, {.window = 8, .neighbours = 1});
   EXPECT_THAT(pairs, ElementsAre(FramePair{0, 3}, FramePair{1, 2}));
 }
 

@@ -50,8 +50,7 @@ double ShareRight(const SyntheticScene& scene, const Reconstruction& map, double
 
 TEST(TriangulateWithPoses, FindsThePointsOfAScene) {
   const SyntheticScene scene({.num_frames = 12, .num_points = 400});
-  const Reconstruction map =
-      TriangulateWithPoses(scene.input, Pairs(scene.input, 3), {}, 1);
+  const Reconstruction map = TriangulateWithPoses(scene.input, Pairs(scene.input, 3), {}, 1);
   ExpectConsistent(map);
   const MapSummary summary = Summarize(map);
   EXPECT_EQ(summary.images, 12);
@@ -68,8 +67,7 @@ TEST(TriangulateWithPoses, CompletionFindsWhatMatchesMissed) {
   for (VerifiedPair& pair : pairs) {
     std::erase_if(pair.matches, [](const FeatureMatch& m) { return m.first_idx % 2 == 0; });
   }
-  const auto without =
-      TriangulateWithPoses(scene.input, pairs, {.completion_rounds = 0}, 1);
+  const auto without = TriangulateWithPoses(scene.input, pairs, {.completion_rounds = 0}, 1);
   const auto with = TriangulateWithPoses(scene.input, pairs, {.completion_rounds = 2}, 1);
   ExpectConsistent(with);
   EXPECT_GT(Summarize(with).mean_track, 1.2 * Summarize(without).mean_track);
@@ -91,7 +89,8 @@ TEST(TriangulateWithPoses, AdjustmentRepairsNoisyPosesInTheGivenFrame) {
     double sum = 0;
     for (std::size_t i = 0; i < map.images.size(); ++i) {
       sum += (Inverse(map.images[i].cam_from_world).translation -
-              Inverse(scene.cam_from_world[i]).translation).norm();
+              Inverse(scene.cam_from_world[i]).translation)
+                 .norm();
     }
     return sum / double(map.images.size());
   };

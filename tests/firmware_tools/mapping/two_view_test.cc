@@ -83,8 +83,7 @@ TEST(EpipolarError, IsTheAngleOffTheLine) {
   const Eigen::Vector3d first = point.normalized();
   const Eigen::Vector3d second = (motion * point).normalized();
   EXPECT_NEAR(EpipolarError(motion, first, second), 0, 1e-12);
-  const Eigen::Vector3d off =
-      Eigen::AngleAxisd(0.001, Eigen::Vector3d::UnitX()) * second;
+  const Eigen::Vector3d off = Eigen::AngleAxisd(0.001, Eigen::Vector3d::UnitX()) * second;
   // Sampson's error shares the displacement between both rays.
   EXPECT_NEAR(EpipolarError(motion, first, off), 0.001 / std::sqrt(2), 5e-5);
 }
