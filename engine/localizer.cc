@@ -9,6 +9,7 @@
 
 #include "engine/base/exp.h"
 #include "engine/image/resize.h"
+#include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
 #include "engine/vocabulary/vocabulary.h"
@@ -98,6 +99,21 @@ Camera GuessCamera(const Camera& like, int width, int height) {
   return camera;
 }
 
+// Nothing where none is asked for.
+Result<std::optional<WindowAdjuster>> MakeWindow(const ModelView& model,
+                                                 const LocalizerOptions& options) {
+  if (options.window == 0) return std::optional<WindowAdjuster>();
+  if (!(options.frame_interval_s > 0)) {
+    return Status(StatusCode::kInvalidArgument, "frame_interval_s is not positive");
+  }
+  WindowAdjusterOptions window;
+  window.max_frames = options.window;
+  window.capacity = model.features().max_features;
+  auto created = WindowAdjuster::Create(window);
+  if (!created.ok()) return created.status();
+  return std::optional<WindowAdjuster>(std::move(*created));
+}
+
 }  // namespace
 
 const char* ReasonName(Reason reason) {
@@ -116,7 +132,8 @@ const char* ReasonName(Reason reason) {
 
 struct Localizer::State {
   State(const ModelView& model_view, const LocalizerOptions& localizer_options,
-        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder)
+        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder,
+        std::optional<WindowAdjuster> window_adjuster)
       : model(model_view),
         options(localizer_options),
         extractor(std::move(feature_extractor)),
@@ -134,7 +151,8 @@ struct Localizer::State {
                   model.scoring().num_pairs),
         keyframe_similarities(model.keyframes().size),
         model_camera(ModelsCamera(model.camera())),
-        pose_finder(std::move(finder)) {
+        pose_finder(std::move(finder)),
+        window(std::move(window_adjuster)) {
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
     proposed_of_location.resize(model.scoring().num_locations);
@@ -151,8 +169,9 @@ struct Localizer::State {
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
-  void FindPose(Fix& fix);
+  void FindPose(const Prior& prior, Fix& fix);
   void TakePose(const FoundPose& found, Fix& fix) const;
+  void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
   void ClearScores();
@@ -177,6 +196,8 @@ struct Localizer::State {
   std::vector<ProposedKeyframe> proposed;
   std::vector<int> proposed_of_location;       // [locations]
   std::vector<int> proposed_of_pair;           // [pairs]
+  std::optional<WindowAdjuster> window;        // where asked for
+  int window_map = -1;                         // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -295,6 +316,21 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.confidence = inliers / (inliers + kDoubtfulInliers);
 }
 
+// The pose as the frames before it see it too. How a camera moves is known in metres only.
+void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
+  if (!window || !model.metric(found.map_idx)) return;
+  if (found.map_idx != window_map) window->Clear();
+  window_map = found.map_idx;
+  const double time_s = static_cast<double>(sequence) * options.frame_interval_s;
+  const AdjustedPose adjusted =
+      window->Push(time_s, found.camera, pose_finder->inliers(), found.pose.cam_from_world);
+  if (!adjusted.found) return;
+  fix.world_from_cam = Inverse(adjusted.cam_from_world);
+  // As of a single frame: sigmas that turn out too small would promise too much.
+  const double excess = std::max(1.0, found.pose.residual_rms);
+  fix.covariance = excess * excess * adjusted.covariance;
+}
+
 // Two places agree with the frame about as well: neither is said.
 void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const {
   fix.localized = false;
@@ -317,12 +353,14 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   if (!found.found) return false;
   ClearScores();
   TakePose(found, fix);
+  fix.tracked = true;
+  AdjustWindow(found, prior.sequence, fix);
   return true;
 }
 
 // What the landmarks say decides. Where the guess is a place without landmarks, the scores'
 // word stands.
-void Localizer::State::FindPose(Fix& fix) {
+void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found =
       pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   if (found.found) {
@@ -330,6 +368,8 @@ void Localizer::State::FindPose(Fix& fix) {
     fix.reasons = 0;
     if (found.rival_evidence > kAmbiguousShare * found.evidence) {
       RefuseAsAmbiguous(found, fix);
+    } else {
+      AdjustWindow(found, prior.sequence, fix);
     }
     return;
   }
@@ -378,8 +418,10 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
     if (!created.ok()) return created.status();
     finder.emplace(std::move(*created));
   }
-  return Localizer(
-      std::make_unique<State>(model, options, std::move(extractor), std::move(finder)));
+  auto window = MakeWindow(model, options);
+  if (!window.ok()) return window.status();
+  return Localizer(std::make_unique<State>(model, options, std::move(extractor),
+                                           std::move(finder), std::move(*window)));
 }
 
 Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
@@ -405,7 +447,7 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
       s.LocateByScore(fix);
       fix.ms.score = Milliseconds(s.Now() - now);
       now = s.Now();
-      if (s.pose_finder) s.FindPose(fix);
+      if (s.pose_finder) s.FindPose(prior, fix);
       fix.ms.pose += Milliseconds(s.Now() - now);
     }
   }

@@ -81,6 +81,7 @@ struct PoseFinder::State {
     distance_of_feature.resize(features);
     matches.reserve(features);
     matched_landmarks.reserve(features);
+    kept_inliers.reserve(features);
     used.reserve(features);
     ranked.reserve(keyframes.size);
     IndexKeyframes();
@@ -111,6 +112,7 @@ struct PoseFinder::State {
   void Describe(const Camera& camera, FoundPose& found);
   bool Convincing(const FoundPose& found, int min_inliers) const;
   FoundPose BetterOf(const FoundPose& a, const FoundPose& b) const;
+  void KeepInliers();
   void StartFrame(const FeatureSet& features);
 
   ModelView model;
@@ -142,6 +144,7 @@ struct PoseFinder::State {
   std::vector<PoseMatch> matches;
   std::vector<std::uint32_t> matched_landmarks;  // [matches]
   std::vector<std::uint8_t> used;                // [matches] inliers
+  std::vector<PoseMatch> kept_inliers;           // of the best pose so far
 };
 
 void PoseFinder::State::IndexKeyframes() {
@@ -394,6 +397,14 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   }
 }
 
+// The matches in use, for whoever goes on with them.
+void PoseFinder::State::KeepInliers() {
+  kept_inliers.clear();
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (used[i] != 0) kept_inliers.push_back(matches[i]);
+  }
+}
+
 // Rounds of guided matching and refinement from a start. `covisible`: the landmarks to look
 // for are those near the matches in use; else the candidates as they are, at first.
 FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, bool refine_focal,
@@ -417,6 +428,7 @@ FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, boo
   }
   found.num_inliers = MarkInliers(camera, pose.cam_from_world);
   found.pose = pose;
+  found.camera = camera;
   // Sigmas that turn out too small would promise too much.
   const double excess = std::max(1.0, pose.residual_rms);
   found.pose.covariance *= excess * excess;
@@ -481,6 +493,7 @@ FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, boo
     s.used.assign(s.estimator.inliers().begin(), s.estimator.inliers().end());
     const double radius = s.options.guided_radius_px * (refine_focal ? 2 : 1);
     const FoundPose found = s.Grow(features, camera, refine_focal, start.pose, radius, true);
+    if (found.num_inliers > best.num_inliers) s.KeepInliers();
     best = s.BetterOf(best, found);
   }
   best.found = s.Convincing(best, s.options.min_inliers);
@@ -497,7 +510,10 @@ FoundPose PoseFinder::FindNear(const FeatureSet& features, const Camera& camera,
   FoundPose found = s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px,
                            false);
   found.found = s.Convincing(found, 2 * s.options.min_inliers);
+  if (found.found) s.KeepInliers();
   return found;
 }
+
+std::span<const PoseMatch> PoseFinder::inliers() const { return state_->kept_inliers; }
 
 }  // namespace viewfix

@@ -8,6 +8,7 @@
 #include "engine/features/feature_extractor.h"
 #include "engine/geometry/camera.h"
 #include "engine/geometry/rigid3.h"
+#include "engine/pose/pose_match.h"
 #include "engine/pose/pose_refiner.h"
 #include "models/model_view.h"
 
@@ -59,6 +60,7 @@ struct FoundPose {
   float rival_evidence = 0;
   int rival_keyframe_idx = -1;
   RefinedPose pose;       // camera from the map's frame of reference
+  Camera camera;          // that it is the pose of: the focal length refined, if it was a guess
 };
 
 // Where a camera stands among a model's landmarks: matches the frame's features with the
@@ -83,6 +85,9 @@ class PoseFinder {
   // frame before.
   FoundPose FindNear(const FeatureSet& features, const Camera& camera, bool refine_focal,
                      int map_idx, const Rigid3& cam_from_world);
+
+  // Of the last pose that was found: [num_inliers], in pixels of its camera.
+  std::span<const PoseMatch> inliers() const;
 
  private:
   struct State;

@@ -260,6 +260,7 @@ Json Figures::PerFrame() const {
                     {"evidence", f.fix.evidence},
                     {"expected_evidence", f.fix.expected_evidence},
                     {"rival_evidence", f.fix.rival_evidence},
+                    {"tracked", f.fix.tracked},
                     {"translation_error_m", OrNull(f.translation_error)},
                     {"rotation_error_deg", OrNull(f.rotation_error_deg)}});
   }
@@ -287,6 +288,7 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
   const Figures figures(set, evaluation);
   Json json;
   json["schema"] = 1;
+  json["sequence"] = false;
   json["images"] = evaluation.frames.size();
   json["skipped"] = evaluation.skipped.size();
   json["model_bytes"] = evaluation.model_bytes;
@@ -310,6 +312,25 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
   }
   json["latency_ms"] = figures.Latency();
   json["frames"] = figures.PerFrame();
+  return json;
+}
+
+Json SequenceAsJson(const ImageSet& set, const Evaluation& sequence, const Json& alone) {
+  const Figures figures(set, sequence);
+  const auto tracked = std::count_if(sequence.frames.begin(), sequence.frames.end(),
+                                     [](const FrameResult& f) { return f.fix.tracked; });
+  Json json = alone;
+  json["sequence"] = true;
+  json["tracked"] =
+      Share(static_cast<int>(tracked), static_cast<int>(sequence.frames.size()));
+  json["location"] = figures.Location();
+  json["view"] = figures.View();
+  json["pose"] = figures.Pose();
+  json["refusal"] = figures.Refusal();
+  json["confidence"] = figures.Confidence();
+  json["latency_ms"] = figures.Latency();
+  json["frames"] = figures.PerFrame();
+  json["frame_alone"] = alone;
   return json;
 }
 

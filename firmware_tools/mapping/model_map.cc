@@ -256,6 +256,9 @@ void AddMapToModel(const SiteMap& site, const ImageSet& set, const FeatureStore&
   for (std::size_t m = 0; m < site.maps.size(); ++m) writer.AddMap(site.maps[m], chosen[m]);
   writer.Finish(site.maps.front());
   model.metric = site.metric;
+  for (const MapPlacement& placement : site.placements) {
+    model.map_metric.push_back(placement.metric ? 1 : 0);
+  }
 }
 
 }  // namespace viewfix
