@@ -9,6 +9,7 @@
 
 #include "engine/base/exp.h"
 #include "engine/image/resize.h"
+#include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
 #include "engine/vocabulary/vocabulary.h"
@@ -47,8 +48,9 @@ Status CheckImage(const ImageView& image) {
 // scores name.
 constexpr int kPromisingKeyframes = 24;
 constexpr int kPromisingOfLocation = 8;
+constexpr int kPromisingOfPair = 4;
 
-// A pose elsewhere that more than this share of the landmarks agree with leaves a doubt.
+// A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
 constexpr float kAmbiguousShare = 0.9F;
 
 // So many agreeing landmarks are as often wrong as right.
@@ -107,6 +109,21 @@ Camera GuessCamera(const Camera& like, int width, int height) {
   return camera;
 }
 
+// Nothing where none is asked for.
+Result<std::optional<WindowAdjuster>> MakeWindow(const ModelView& model,
+                                                 const LocalizerOptions& options) {
+  if (options.window == 0) return std::optional<WindowAdjuster>();
+  if (!(options.frame_interval_s > 0)) {
+    return Status(StatusCode::kInvalidArgument, "frame_interval_s is not positive");
+  }
+  WindowAdjusterOptions window;
+  window.max_frames = options.window;
+  window.capacity = model.features().max_features;
+  auto created = WindowAdjuster::Create(window);
+  if (!created.ok()) return created.status();
+  return std::optional<WindowAdjuster>(std::move(*created));
+}
+
 }  // namespace
 
 const char* ReasonName(Reason reason) {
@@ -125,7 +142,8 @@ const char* ReasonName(Reason reason) {
 
 struct Localizer::State {
   State(const ModelView& model_view, const LocalizerOptions& localizer_options,
-        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder)
+        std::unique_ptr<FeatureExtractor> feature_extractor, std::optional<PoseFinder> finder,
+        std::optional<WindowAdjuster> window_adjuster)
       : model(model_view),
         options(localizer_options),
         extractor(std::move(feature_extractor)),
@@ -143,10 +161,12 @@ struct Localizer::State {
                   model.scoring().num_pairs),
         keyframe_similarities(model.keyframes().size),
         model_camera(ModelsCamera(model.camera())),
-        pose_finder(std::move(finder)) {
+        pose_finder(std::move(finder)),
+        window(std::move(window_adjuster)) {
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
     proposed_of_location.resize(model.scoring().num_locations);
+    proposed_of_pair.resize(model.scoring().num_pairs);
   }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
@@ -159,8 +179,9 @@ struct Localizer::State {
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
-  void FindPose(Fix& fix);
+  void FindPose(const Prior& prior, Fix& fix);
   void TakePose(const FoundPose& found, Fix& fix) const;
+  void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
   void ClearScores();
@@ -183,7 +204,10 @@ struct Localizer::State {
   std::optional<PoseFinder> pose_finder;  // where the model has landmarks
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
-  std::vector<int> proposed_of_location;  // [locations]
+  std::vector<int> proposed_of_location;       // [locations]
+  std::vector<int> proposed_of_pair;           // [pairs]
+  std::optional<WindowAdjuster> window;        // where asked for
+  int window_map = -1;                         // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -251,8 +275,8 @@ void Localizer::State::Decide(Fix& fix) const {
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
-// the location, applied to each. No location takes all the places, so that a look-alike one has
-// its say.
+// the location, applied to each. No location or view of it takes all the places, so that a
+// look-alike one has its say.
 std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
   const float weight = model.scoring().keyframe_weight;
   const auto& pair_of = model.keyframes().pair;
@@ -268,11 +292,15 @@ std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
               return a.promise != b.promise ? a.promise > b.promise
                                             : a.keyframe_idx < b.keyframe_idx;
             });
+  std::fill(proposed_of_pair.begin(), proposed_of_pair.end(), 0);
   std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
   proposed.clear();
   for (const ProposedKeyframe& p : all_proposed) {
-    int& taken = proposed_of_location[model.scoring().pair_location[pair_of[p.keyframe_idx]]];
-    if (++taken > kPromisingOfLocation) continue;
+    const int pair = pair_of[p.keyframe_idx];
+    int& of_location = proposed_of_location[model.scoring().pair_location[pair]];
+    if (of_location == kPromisingOfLocation || proposed_of_pair[pair] == kPromisingOfPair) continue;
+    ++of_location;
+    ++proposed_of_pair[pair];
     proposed.push_back(p);
     if (std::ssize(proposed) == kPromisingKeyframes) break;
   }
@@ -293,13 +321,29 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.world_from_cam = Inverse(found.pose.cam_from_world);
   fix.covariance = found.pose.covariance;
   fix.num_inliers = found.num_inliers;
-  fix.num_expected = found.num_expected;
-  fix.num_rival_inliers = found.num_rival_inliers;
+  fix.evidence = found.evidence;
+  fix.expected_evidence = found.expected;
+  fix.rival_evidence = found.rival_evidence;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
   const auto inliers = static_cast<float>(found.num_inliers);
   fix.confidence = inliers / (inliers + kDoubtfulInliers);
+}
+
+// The pose as the frames before it see it too. How a camera moves is known in metres only.
+void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
+  if (!window || !model.metric(found.map_idx)) return;
+  if (found.map_idx != window_map) window->Clear();
+  window_map = found.map_idx;
+  const double time_s = static_cast<double>(sequence) * options.frame_interval_s;
+  const AdjustedPose adjusted =
+      window->Push(time_s, found.camera, pose_finder->inliers(), found.pose.cam_from_world);
+  if (!adjusted.found) return;
+  fix.world_from_cam = Inverse(adjusted.cam_from_world);
+  // As of a single frame: sigmas that turn out too small would promise too much.
+  const double excess = std::max(1.0, found.pose.residual_rms);
+  fix.covariance = excess * excess * adjusted.covariance;
 }
 
 // Two places agree with the frame about as well: neither is said.
@@ -324,12 +368,14 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   if (!found.found) return false;
   ClearScores();
   TakePose(found, fix);
+  fix.tracked = true;
+  AdjustWindow(found, prior.sequence, fix);
   return true;
 }
 
 // What the landmarks say decides. Where the guess is a place without landmarks, the scores'
 // word stands.
-void Localizer::State::FindPose(Fix& fix) {
+void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found =
       pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   if (found.found) {
@@ -337,13 +383,16 @@ void Localizer::State::FindPose(Fix& fix) {
     fix.reasons = 0;
     fix.score = pair_scores[fix.pair_idx];
     FindRivals(fix);  // of the place that the landmarks name
-    if (static_cast<float>(found.num_rival_inliers) >
-        kAmbiguousShare * static_cast<float>(found.num_inliers)) {
+    if (found.rival_evidence > kAmbiguousShare * found.evidence) {
       RefuseAsAmbiguous(found, fix);
+    } else {
+      AdjustWindow(found, prior.sequence, fix);
     }
     return;
   }
   fix.num_inliers = found.num_inliers;
+  fix.evidence = found.evidence;
+  fix.expected_evidence = found.expected;
   const auto& begin = model.keyframes().landmark_begin;
   const bool has_landmarks = fix.keyframe_idx >= 0 &&
                              begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
@@ -386,8 +435,10 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
     if (!created.ok()) return created.status();
     finder.emplace(std::move(*created));
   }
-  return Localizer(
-      std::make_unique<State>(model, options, std::move(extractor), std::move(finder)));
+  auto window = MakeWindow(model, options);
+  if (!window.ok()) return window.status();
+  return Localizer(std::make_unique<State>(model, options, std::move(extractor),
+                                           std::move(finder), std::move(*window)));
 }
 
 Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
@@ -413,7 +464,7 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
       s.LocateByScore(fix);
       fix.ms.score = Milliseconds(s.Now() - now);
       now = s.Now();
-      if (s.pose_finder) s.FindPose(fix);
+      if (s.pose_finder) s.FindPose(prior, fix);
       fix.ms.pose += Milliseconds(s.Now() - now);
     }
   }

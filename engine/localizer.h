@@ -52,13 +52,17 @@ struct Fix {
   float confidence = 0;   // 0..1, probability that the location is right
   // Where the camera stands; only if this very frame was localized against landmarks.
   bool has_pose = false;
+  bool tracked = false;  // found where Prior said; such a frame is not scored
   int map_idx = -1;  // of the model's maps; each has its own frame of reference
   Rigid3 world_from_cam = {};
   // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   int num_inliers = 0;        // landmarks that agree with the pose
-  int num_expected = 0;       // landmarks of the keyframe that the pose puts into the image
-  int num_rival_inliers = 0;  // that agree with the best pose elsewhere
+  // What they say, each weighed by its rarity; what would be said if all landmarks in sight of
+  // the pose were found; and what speaks for the best pose elsewhere (pose/pose_finder.h).
+  float evidence = 0;
+  float expected_evidence = 0;
+  float rival_evidence = 0;
   float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;       // location's score, keyframes counted in, less the best other's; below
                           // zero where landmarks overrule the scores
@@ -75,6 +79,13 @@ struct LocalizerOptions {
   PoseFinderOptions pose = {};
   // A location counts as a rival when its score is within this of the best.
   float rival_margin = 0.25F;
+  // Frames whose poses are adjusted together (pose/window_adjuster.h), 3..8; 0: each frame's pose
+  // is its own. For a camera that moves steadily, in maps whose units are metres; in others poses
+  // stay as they are.
+  int window = 0;
+  // Between two frames whose sequence numbers differ by one, > 0: what a board gets through.
+  // Nominal, so that a recording gives the same whatever the speed it is read at.
+  double frame_interval_s = 0.1;
 };
 
 // What a caller knows before looking.
@@ -86,15 +97,19 @@ struct Prior {
   // nothing is known.
   const Rigid3* cam_from_world = nullptr;
   int map_idx = 0;  // the map that cam_from_world is of
+  // Counts the camera's frames. Only the window asks: it begins anew where numbers do not grow.
+  std::uint64_t sequence = 0;
 };
 
 // The engine. Create() checks and allocates everything; Localize() allocates nothing,
-// bounds every loop and is deterministic. One instance serves one thread.
+// bounds every loop and is deterministic. Frames do not influence each other but through Prior
+// and the window. One instance serves one thread.
 class Localizer {
  public:
   // `model` is borrowed and must outlive the localizer. `extractor`: features other than
   // the board's own (laptop only); null: made from the model's options. kUnsupported: the
-  // model's features cannot be reproduced by this build.
+  // model's features cannot be reproduced by this build; kInvalidArgument: an option is out of
+  // range.
   static Result<Localizer> Create(const ModelView& model, const LocalizerOptions& options,
                                   std::unique_ptr<FeatureExtractor> extractor = nullptr);
   Localizer(Localizer&&) noexcept;

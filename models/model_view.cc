@@ -110,6 +110,15 @@ std::array<std::uint8_t, kModelHashBytes> HashModel(std::span<const std::uint8_t
   return hash;
 }
 
+bool IsFloorPlanPicture(std::span<const std::uint8_t> file) {
+  constexpr std::array<std::uint8_t, 8> kPng = {0x89, 'P', 'N', 'G', 0x0D, 0x0A, 0x1A, 0x0A};
+  constexpr std::array<std::uint8_t, 3> kJpeg = {0xFF, 0xD8, 0xFF};
+  const auto begins_with = [&](std::span<const std::uint8_t> magic) {
+    return file.size() > magic.size() && std::equal(magic.begin(), magic.end(), file.begin());
+  };
+  return begins_with(kPng) || begins_with(kJpeg);
+}
+
 Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
   if (Status status = CheckHeader(bytes); !status.ok()) return status;
   if (Status status = CheckHash(bytes); !status.ok()) return status;
@@ -127,7 +136,8 @@ Status ModelView::Load() {
   for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
                             &ModelView::LoadScoring, &ModelView::LoadConfidence,
                             &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks}) {
+                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks,
+                            &ModelView::LoadFloorPlan}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -273,16 +283,23 @@ Status ModelView::LoadLandmarks() {
                 Span(l->position()),
                 Span(l->descriptors()),
                 Span(l->laplacian_sign()),
-                l->pixel_sigma()};
+                Span(l->rarity()),
+                l->pixel_sigma(),
+                Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
-                     m.position.size() == 3 * size &&
+                     m.position.size() == 3 * size && m.rarity.size() == size &&
                      m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
-                     m.map_begin.front() == 0 && m.map_begin.back() == size;
+                     m.map_begin.front() == 0 && m.map_begin.back() == size &&
+                     (m.map_metric.empty() || m.map_metric.size() == maps);
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
   if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
     return Corrupt("model's landmarks hold a number that is out of range");
+  }
+  const auto is_flag = [](std::uint8_t flag) { return flag <= 1; };
+  if (!std::all_of(m.map_metric.begin(), m.map_metric.end(), is_flag)) {
+    return Corrupt("model's map is neither metric nor not");
   }
   const auto is_sign = [](std::int8_t sign) { return sign >= -1 && sign <= 1; };
   if (!std::all_of(m.laplacian_sign.begin(), m.laplacian_sign.end(), is_sign)) {
@@ -325,6 +342,18 @@ Status ModelView::LoadKeyframeLandmarks() {
     }
   }
   return {};
+}
+
+Status ModelView::LoadFloorPlan() {
+  const fb::FloorPlan* f = Root(bytes_)->floor_plan();
+  if (f == nullptr) return {};
+  floor_plan_ = {Span(f->picture()), f->width(), f->height(), Span(f->site_from_pixel())};
+  const ModelFloorPlan& p = floor_plan_;
+  const bool valid = p.picture.size() <= kMaxFloorPlanBytes && IsFloorPlanPicture(p.picture) &&
+                     p.width >= 1 && p.height >= 1 && p.site_from_pixel.size() == 4 &&
+                     AllFinite(p.site_from_pixel) &&
+                     (p.site_from_pixel[0] != 0 || p.site_from_pixel[1] != 0);
+  return valid ? Status() : Corrupt("model's floor plan is out of range");
 }
 
 int ModelView::MapOf(std::uint32_t landmark_idx) const {

@@ -25,6 +25,7 @@ inline constexpr std::size_t kModelHashBytes = 32;
 
 inline constexpr int kMaxWordsPerFeature = 4;
 inline constexpr int kMaxLandmarks = 1 << 24;
+inline constexpr std::size_t kMaxFloorPlanBytes = 4 << 20;
 
 // Values are stored in models: do not change them.
 enum class HistogramMap : std::uint8_t { kL1 = 1, kHellinger = 2 };
@@ -97,8 +98,21 @@ struct ModelLandmarks {
   std::span<const std::int16_t> position;        // [size, 3]
   std::span<const std::int8_t> descriptors;      // [size, dim]
   std::span<const std::int8_t> laplacian_sign;   // [size]
+  std::span<const std::uint8_t> rarity;          // [size]
   float pixel_sigma = 1;
+  std::span<const std::uint8_t> map_metric;      // [maps] 0 or 1; empty: all as the model
 };
+
+// x = a px + b py + tx, y = b px - a py + ty, metres.
+struct ModelFloorPlan {
+  std::span<const std::uint8_t> picture;    // a PNG or JPEG file; empty: none
+  int width = 0;                            // pixels
+  int height = 0;
+  std::span<const double> site_from_pixel;  // [4] a b tx ty
+};
+
+// Whether a file begins as a PNG or a JPEG.
+bool IsFloorPlanPicture(std::span<const std::uint8_t> file);
 
 // A model file, opened over borrowed bytes. Everything is checked once, in Open();
 // afterwards every index is in range and every number finite. No allocation.
@@ -117,7 +131,12 @@ class ModelView {
   bool has_landmarks() const { return landmarks_.size > 0; }
   const ModelCamera& camera() const { return camera_; }           // where landmarks are
   const ModelLandmarks& landmarks() const { return landmarks_; }  // none: size 0
-  bool metric() const { return metric_; }
+  bool has_floor_plan() const { return !floor_plan_.picture.empty(); }
+  const ModelFloorPlan& floor_plan() const { return floor_plan_; }
+  bool metric() const { return metric_; }  // at least the first map's units are metres
+  bool metric(int map_idx) const {
+    return landmarks_.map_metric.empty() ? metric_ : landmarks_.map_metric[map_idx] != 0;
+  }
   std::string_view record() const { return record_; }  // JSON
 
   // The map that a landmark is of.
@@ -145,6 +164,7 @@ class ModelView {
   Status LoadCamera();
   Status LoadLandmarks();
   Status LoadKeyframeLandmarks();
+  Status LoadFloorPlan();
 
   std::span<const std::uint8_t> bytes_;
   ModelFeatures features_;
@@ -154,6 +174,7 @@ class ModelView {
   ModelKeyframes keyframes_;
   ModelCamera camera_;
   ModelLandmarks landmarks_;
+  ModelFloorPlan floor_plan_;
   bool metric_ = false;
   std::string_view record_;
 };

@@ -32,8 +32,19 @@ flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder
   const auto position = b.CreateVector(Flat(d.landmark_position));
   const auto descriptors = b.CreateVector(d.landmark_descriptors);
   const auto sign = b.CreateVector(d.landmark_laplacian_sign);
+  const auto rarity = b.CreateVector(d.landmark_rarity);
+  const auto map_metric = b.CreateVector(d.map_metric);
   return fb::CreateLandmarks(b, map_begin, map_origin, map_step, position, descriptors, sign,
-                             d.pixel_sigma);
+                             rarity, d.pixel_sigma, map_metric);
+}
+
+flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder& b,
+                                                  const ModelData::FloorPlanData& f) {
+  if (f.picture.empty()) return 0;
+  const auto picture = b.CreateVector(f.picture);
+  const auto alignment = b.CreateVector(f.site_from_pixel.data(), f.site_from_pixel.size());
+  return fb::CreateFloorPlan(b, picture, static_cast<std::uint16_t>(f.width),
+                             static_cast<std::uint16_t>(f.height), alignment);
 }
 
 // Everything is written, defaults too: a reader then sees each stated value.
@@ -80,7 +91,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
     map = BuildLandmarks(b, d);
   }
   return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
-                         map, b.CreateString(d.record));
+                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan));
 }
 
 template <typename T>

@@ -48,11 +48,20 @@ struct ModelData {
   std::vector<std::uint32_t> map_begin;
   std::vector<std::array<float, 3>> map_origin;
   std::vector<float> map_step;
+  std::vector<std::uint8_t> map_metric;
   std::vector<std::array<std::int16_t, 3>> landmark_position;
   std::vector<std::int8_t> landmark_descriptors;  // [landmarks, features.descriptor_dim]
   std::vector<std::int8_t> landmark_laplacian_sign;
+  std::vector<std::uint8_t> landmark_rarity;
   float pixel_sigma = 1;
   bool metric = false;
+  // An empty picture: none.
+  struct FloorPlanData {
+    std::vector<std::uint8_t> picture;  // a PNG or JPEG file
+    int width = 0;
+    int height = 0;
+    std::array<double, 4> site_from_pixel{};
+  } floor_plan;
   std::string record;
 };
 

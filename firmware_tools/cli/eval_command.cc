@@ -20,6 +20,8 @@ struct EvalFlags {
   std::string split = "test";
   std::string unknown;
   std::string json;
+  bool sequence = false;
+  int window = 0;
 };
 
 std::string Percent(const nlohmann::ordered_json& share) {
@@ -61,6 +63,21 @@ void PrintPose(const nlohmann::ordered_json& pose) {
   }
 }
 
+void PrintLatency(const nlohmann::ordered_json& ms) {
+  if (ms["p50"].is_null()) return;
+  std::printf("latency             p50 %.1f ms, p99 %.1f ms (features p50 %.1f ms)\n",
+              ms["p50"].get<double>(), ms["p99"].get<double>(),
+              ms["stages"]["features"]["p50"].get<double>());
+}
+
+void PrintSequence(const nlohmann::ordered_json& f) {
+  std::printf("\nas a sequence       %s tracked from the frames before\n",
+              Percent(f["tracked"]).c_str());
+  std::printf("location, by level  %s\n", Percents(f["location"]["by_level"]).c_str());
+  PrintPose(f["pose"]);
+  PrintLatency(f["latency_ms"]);
+}
+
 void PrintFigures(const nlohmann::ordered_json& f) {
   std::printf("images              %d (%d skipped)\n", f["images"].get<int>(),
               f["skipped"].get<int>());
@@ -83,12 +100,7 @@ void PrintFigures(const nlohmann::ordered_json& f) {
   if (!f["unknown"].is_null()) {
     std::printf("unknown places      %s answered\n", Percent(f["unknown"]["localized"]).c_str());
   }
-  const auto& ms = f["latency_ms"];
-  if (!ms["p50"].is_null()) {
-    std::printf("latency             p50 %.1f ms, p99 %.1f ms (features p50 %.1f ms)\n",
-                ms["p50"].get<double>(), ms["p99"].get<double>(),
-                ms["stages"]["features"]["p50"].get<double>());
-  }
+  PrintLatency(f["latency_ms"]);
 }
 
 EvaluateOptions OptionsOf(const EvalFlags& flags) {
@@ -100,14 +112,28 @@ EvaluateOptions OptionsOf(const EvalFlags& flags) {
   return options;
 }
 
+// The figures of each frame alone; of a sequence, with those beside them.
+nlohmann::ordered_json Measure(const EvalFlags& flags, const ImageSet& set, const ModelView& model,
+                               const Evaluation* unknown) {
+  EvaluateOptions options = OptionsOf(flags);
+  const Evaluation alone = Evaluate(set, model, options, ShowProgress("evaluating"));
+  for (const std::string& skipped : alone.skipped) {
+    std::fprintf(stderr, "warning: skipped %s\n", skipped.c_str());
+  }
+  auto figures = FiguresAsJson(set, alone, unknown);
+  if (!flags.sequence) return figures;
+  options.sequence = true;
+  options.window = flags.window;
+  const Evaluation sequence = Evaluate(set, model, options, ShowProgress("as a sequence"));
+  return SequenceAsJson(set, sequence, figures);
+}
+
 void RunEval(const EvalFlags& flags) {
   if (!flags.json.empty()) CheckCanWrite(flags.json);
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
   if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
-  const Evaluation evaluation =
-      Evaluate(set, *model, OptionsOf(flags), ShowProgress("evaluating"));
   std::unique_ptr<Evaluation> unknown;
   if (!flags.unknown.empty()) {
     EvaluateOptions all;
@@ -115,12 +141,10 @@ void RunEval(const EvalFlags& flags) {
     unknown = std::make_unique<Evaluation>(
         Evaluate(LoadImageSet(flags.unknown), *model, all, ShowProgress("unknown places")));
   }
-  for (const std::string& skipped : evaluation.skipped) {
-    std::fprintf(stderr, "warning: skipped %s\n", skipped.c_str());
-  }
-  const auto figures = FiguresAsJson(set, evaluation, unknown.get());
+  const auto figures = Measure(flags, set, *model, unknown.get());
   if (!flags.json.empty()) WriteTextFile(flags.json, figures.dump(1) + "\n");
-  PrintFigures(figures);
+  PrintFigures(flags.sequence ? figures["frame_alone"] : figures);
+  if (flags.sequence) PrintSequence(figures);
 }
 
 }  // namespace
@@ -136,6 +160,14 @@ void AddEval(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--unknown", flags->unknown,
                       "a set of other places: what share of it is answered");
+  command->add_flag("--sequence", flags->sequence,
+                    "measure also as a moving camera: each frame is first looked for where the "
+                    "frames of its capture before it lead");
+  command->add_option("--window", flags->window,
+                      "with --sequence: poses adjusted together over so many frames, 3 to 8; 0: "
+                      "not")
+      ->check(CLI::IsMember({0, 3, 4, 5, 6, 7, 8}))
+      ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   command->add_option("--json", flags->json, "write every figure to this file");
   command->callback([flags] { RunEval(*flags); });

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "firmware_tools/cli/commands.h"
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/mapping/model_export.h"
 #include "models/model_view.h"
 #include "platform/file.h"
 
@@ -22,11 +26,16 @@ struct InspectFlags {
 
 Json Sections(const ModelView& model) {
   const ModelKeyframes& k = model.keyframes();
+  const ModelLandmarks& l = model.landmarks();
   return {{"vocabulary", model.vocabulary().words.size_bytes()},
           {"weights", model.scoring().weights.size_bytes()},
           {"keyframe_histograms",
            k.word_begin.size_bytes() + k.words.size_bytes() + k.counts.size_bytes()},
           {"keyframe_poses", k.pose.size_bytes() + k.has_pose.size_bytes()},
+          {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
+          {"landmark_positions", l.position.size_bytes()},
+          {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
+          {"floor_plan", model.floor_plan().picture.size()},
           {"record", model.record().size()}};
 }
 
@@ -43,6 +52,49 @@ Json Locations(const ModelView& model) {
         {{"name", model.view_name(s.pair_view[p])}, {"keyframes", keyframes}});
   }
   return locations;
+}
+
+// The box that a map's points and cameras fill.
+Json ExtentOf(const Reconstruction& map) {
+  Eigen::AlignedBox3d box;
+  for (const MapPoint& point : map.points) box.extend(point.position);
+  for (const MapImage& image : map.images) box.extend(Inverse(image.cam_from_world).translation);
+  if (box.isEmpty()) return nullptr;
+  const Eigen::Vector3d& low = box.min();
+  const Eigen::Vector3d& high = box.max();
+  return {{"min", {low.x(), low.y(), low.z()}}, {"max", {high.x(), high.y(), high.z()}}};
+}
+
+Json Maps(const ModelView& model) {
+  Json maps = Json::array();
+  for (const Reconstruction& map : MapsOfModel(model)) {
+    const int m = static_cast<int>(maps.size());
+    maps.push_back({{"landmarks", map.points.size()},
+                    {"keyframes", map.images.size()},
+                    {"metric", model.metric(m)},
+                    {"position_error", model.landmarks().map_step[m] / 2},
+                    {"extent", ExtentOf(map)}});
+  }
+  return maps;
+}
+
+Json CameraAsJson(const ModelCamera& camera) {
+  if (camera.width == 0) return nullptr;
+  constexpr const char* kModels[] = {"unknown", "pinhole", "brown_conrady", "kannala_brandt"};
+  return {{"model", kModels[camera.model <= 3 ? camera.model : 0]},
+          {"width", camera.width},
+          {"height", camera.height},
+          {"fx_fy_cx_cy", std::vector(camera.intrinsics.begin(), camera.intrinsics.end())},
+          {"distortion", std::vector(camera.distortion.begin(), camera.distortion.end())}};
+}
+
+Json FloorPlanAsJson(const ModelFloorPlan& plan) {
+  if (plan.picture.empty()) return nullptr;
+  return {{"bytes", plan.picture.size()},
+          {"width", plan.width},
+          {"height", plan.height},
+          {"site_from_pixel",
+           std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
 }
 
 Json Describe(const ModelView& model) {
@@ -69,6 +121,10 @@ Json Describe(const ModelView& model) {
   json["keyframes"] = model.keyframes().size;
   json["keyframes_with_pose"] = std::count(poses.begin(), poses.end(), std::uint8_t{1});
   json["metric"] = model.metric();
+  json["landmarks"] = model.landmarks().size;
+  json["maps"] = Maps(model);
+  json["camera"] = CameraAsJson(model.camera());
+  json["floor_plan"] = FloorPlanAsJson(model.floor_plan());
   json["confidence"] = {{"offset", model.confidence().offset},
                         {"slope", model.confidence().slope},
                         {"threshold", model.confidence().threshold}};
@@ -76,6 +132,31 @@ Json Describe(const ModelView& model) {
   json["training"] = Json::parse(model.record(), nullptr, false);
   if (json["training"].is_discarded()) json["training"] = nullptr;
   return json;
+}
+
+void PrintMaps(const Json& d) {
+  std::printf("landmarks  %d in %zu maps\n", d["landmarks"].get<int>(), d["maps"].size());
+  for (std::size_t m = 0; m < d["maps"].size(); ++m) {
+    const Json& map = d["maps"][m];
+    std::printf("  map %zu    %d landmarks, %d keyframes", m, map["landmarks"].get<int>(),
+                map["keyframes"].get<int>());
+    for (int axis = 0; axis < 3 && !map["extent"].is_null(); ++axis) {
+      std::printf("%s%.1f", axis == 0 ? ", " : " x ",
+                  map["extent"]["max"][axis].get<double>() - map["extent"]["min"][axis].get<double>());
+    }
+    std::printf(" %s\n", map["metric"].get<bool>() ? "m" : "units of its own");
+  }
+  if (const Json& camera = d["camera"]; !camera.is_null()) {
+    std::printf("camera     %s, %d x %d, focal length %.1f pixels\n",
+                camera["model"].get<std::string>().c_str(), camera["width"].get<int>(),
+                camera["height"].get<int>(), camera["fx_fy_cx_cy"][0].get<double>());
+  }
+  if (const Json& plan = d["floor_plan"]; !plan.is_null()) {
+    const double a = plan["site_from_pixel"][0].get<double>();
+    const double b = plan["site_from_pixel"][1].get<double>();
+    std::printf("floor plan %d x %d pixels of %.3f m\n", plan["width"].get<int>(),
+                plan["height"].get<int>(), std::hypot(a, b));
+  }
 }
 
 void PrintForPeople(const std::string& path, const Json& d) {
@@ -93,6 +174,7 @@ void PrintForPeople(const std::string& path, const Json& d) {
               d["histogram_map"].get<std::string>().c_str());
   std::printf("keyframes  %d, %d with a pose\n", d["keyframes"].get<int>(),
               d["keyframes_with_pose"].get<int>());
+  PrintMaps(d);
   if (d["training"].is_object() && d["training"].contains("chosen")) {
     std::printf("training   %s\n", d["training"]["chosen"].dump().c_str());
   }

@@ -20,6 +20,7 @@ int main(int argc, char** argv) {
   viewfix::AddTrain(app);
   viewfix::AddEval(app);
   viewfix::AddInspect(app);
+  viewfix::AddExport(app);
   viewfix::AddCalibrate(app);
   viewfix::CatchInterrupts();
   try {

@@ -22,6 +22,10 @@ struct TrainFlags {
   std::string views = "auto";
   std::string map = "auto";
   std::string work;
+  std::string control;
+  std::string tags;
+  std::string floorplan;
+  std::string floorplan_align;
   std::string histogram = "hellinger";
   std::string negatives = "auto";
   double c = 0;
@@ -53,8 +57,16 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
                        : flags.map == "colmap" ? MapSource::kColmap
                                                : MapSource::kPoses;
   options.map.work_folder = flags.work.empty() ? flags.out + ".map" : flags.work;
+  options.map.controls = ReadSiteControls(flags.control, flags.tags);
+  if (!flags.floorplan.empty()) {
+    options.floor_plan = ReadFloorPlan(flags.floorplan, flags.floorplan_align);
+    std::fprintf(stderr, "%s: %d x %d pixels, its points %.3f m off\n", flags.floorplan.c_str(),
+                 options.floor_plan->width, options.floor_plan->height,
+                 options.floor_plan->rms_metres);
+  }
   options.map.seed = static_cast<int>(options.seed % 1000000);
   options.map.jobs = options.jobs;
+  options.model_map.jobs = options.jobs;
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
@@ -75,6 +87,7 @@ void PrintWarnings(const ImageSet& set, const Preparation& prepared, int jobs) {
   std::vector<Finding> findings = CheckLabels(set);
   const std::vector<Finding> more = CheckAppearance(set, prepared, jobs, ShowProgress);
   findings.insert(findings.end(), more.begin(), more.end());
+  for (const std::string& note : prepared.site.notes) std::fprintf(stderr, "%s\n", note.c_str());
   for (const std::string& warning : prepared.warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
@@ -110,6 +123,10 @@ void RunTrain(const TrainFlags& flags) {
   if (!status.ok()) {
     throw ToolError(std::string(status.text()) + ": " + std::string(status.detail()));
   }
+  if (options.floor_plan && !result.model.metric) {
+    std::fprintf(stderr, "warning: the map is not in metres: nothing can be shown on %s\n",
+                 flags.floorplan.c_str());
+  }
   PrintSummary(flags, result, bytes->size());
 }
 
@@ -134,6 +151,18 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--work", flags->work,
                       "folder for COLMAP's files, kept; default: the model's name with .map");
+  command->add_option("--control", flags->control,
+                      "CSV name,x,y,z: where on the site, in metres, some images' cameras stood");
+  command->add_option("--tags", flags->tags,
+                      "CSV of printed AprilTags or ArUco markers in the images: family,id and "
+                      "size_m,tx,ty,tz,qx,qy,qz,qw or x0,y0,z0,...,x3,y3,z3");
+  CLI::Option* align = command->add_option(
+      "--floorplan-align", flags->floorplan_align,
+      "CSV px,py,x,y of two points or more: pixels of the floor plan, and the site's metres");
+  CLI::Option* plan = command->add_option("--floorplan", flags->floorplan,
+                                          "the site's plan, a PNG or JPEG: goes into the model");
+  plan->needs(align);
+  align->needs(plan);
   command->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
                       "landmarks that each keyframe keeps, about")
       ->check(CLI::Range(16, 8192))

@@ -7,16 +7,24 @@
 #include <numbers>
 #include <numeric>
 
+#include "engine/pose/motion_model.h"
 #include "engine/scoring/scoring.h"
 #include "firmware_tools/dataset/calibration_file.h"
 #include "firmware_tools/dataset/image_loader.h"
 #include "firmware_tools/evaluation/metrics.h"
 #include "firmware_tools/mapping/georeference.h"
+#include "firmware_tools/mapping/site_map.h"
 #include "firmware_tools/training/feature_store.h"
 #include "platform/clock.h"
 
 namespace viewfix {
 namespace {
+
+// The training's record; empty where it is not JSON.
+nlohmann::ordered_json RecordOf(const ModelView& model) {
+  auto record = nlohmann::ordered_json::parse(model.record(), nullptr, false);
+  return record.is_object() ? record : nlohmann::ordered_json::object();
+}
 
 std::vector<int> ImagesOf(const ImageSet& set, EvaluateOptions::Split split) {
   using Split = EvaluateOptions::Split;
@@ -26,15 +34,16 @@ std::vector<int> ImagesOf(const ImageSet& set, EvaluateOptions::Split split) {
     if (split == Split::kAll || test == (split == Split::kTest)) idxs.push_back(i);
   }
   if (idxs.empty()) {
-    throw ToolError(set.source.string() + ": no " +
-                    (split == Split::kTest ? "test" : "training") + " images");
+    throw ToolError(set.source.string() + ": no " + (split == Split::kTest ? "test" : "training") +
+                    " images");
   }
   return idxs;
 }
 
-Localizer MakeLocalizer(const ModelView& model) {
+Localizer MakeLocalizer(const ModelView& model, int window) {
   const ModelFeatures& f = model.features();
   LocalizerOptions options;
+  options.window = window;
   options.now_ns = &MonotonicNs;
   auto extractor = MakeExtractor({.type = static_cast<FeatureType>(f.type),
                                   .max_image_side = f.max_image_side,
@@ -97,29 +106,40 @@ bool InFirstMap(const ModelView& model, int k) {
          model.MapOf(keyframes.landmarks[begin]) == 0;
 }
 
+// A keyframe in no map has the pose that the set gave it.
+bool Comparable(const ModelView& model, int k) {
+  const ModelKeyframes& keyframes = model.keyframes();
+  if (keyframes.has_pose[k] == 0 || !model.has_landmarks()) return keyframes.has_pose[k] != 0;
+  const bool mapped = keyframes.landmark_begin[k] < keyframes.landmark_begin[std::size_t(k) + 1];
+  return mapped ? InFirstMap(model, k) : model.metric();
+}
+
 // Where the set's poses say nothing of the map's frame of reference, nothing is compared.
 void ComparePoses(const ModelView& model, const std::optional<Similarity>& world_from_map,
                   const ImageRecord& image, FrameResult& result) {
   if (!image.pose || !world_from_map) return;
-  const bool one_frame = model.metric() || !model.has_landmarks();
   const int k = result.fix.keyframe_idx;
-  if (k >= 0 && model.keyframes().has_pose[k] != 0 && (one_frame || InFirstMap(model, k))) {
+  if (k >= 0 && Comparable(model, k)) {
     const PoseError error = ErrorOf(*world_from_map, KeyframePose(model, k), *image.pose);
     result.keyframe_distance = error.metres;
     result.keyframe_angle_deg = error.degrees;
   }
-  if (result.fix.has_pose && (one_frame || result.fix.map_idx == 0)) {
+  if (result.fix.has_pose && result.fix.map_idx == 0) {
     const PoseError error = ErrorOf(*world_from_map, result.fix.world_from_cam, *image.pose);
     result.translation_error = error.metres;
     result.rotation_error_deg = error.degrees;
   }
 }
 
-// Lays the largest map over the training images' poses, if the map has a scale of its own.
-// Nothing: fewer than three of its keyframes have a pose in the set, or all on a line.
+// Lays the largest map over the training images' poses, if the map has a scale of its own; if
+// control points moved it away from the set's poses, moves it back. Nothing: fewer than three of
+// its keyframes have a pose in the set, or all on a line.
 std::optional<Similarity> AlignMap(const ImageSet& set, const ModelView& model,
+                                   const nlohmann::ordered_json& record,
                                    std::optional<Evaluation::Alignment>& alignment) {
-  if (model.metric() || !model.has_landmarks()) return Similarity();
+  if (model.metric() || !model.has_landmarks()) {
+    return Inverse(SiteFromSet(record.value("map", nlohmann::ordered_json())));
+  }
   std::map<std::string, const ImageRecord*> training;
   for (const ImageRecord& image : set.images) {
     if (image.pose && !image.is_test) training[image.path] = &image;
@@ -157,15 +177,92 @@ void Describe(const ModelView& model, const Localizer& localizer, const ImageRec
   if (result.fix.location_idx < 0) return;
   result.location = model.location_name(result.fix.location_idx);
   result.view = model.view_name(model.scoring().pair_view[result.fix.pair_idx]);
+  if (result.fix.tracked) return;  // without scores
   const int truth = FindLocation(model, image.location);
   if (truth >= 0) {
     const auto scores = localizer.location_scores();
-    result.location_rank = 1 + static_cast<int>(std::count_if(
-                                   scores.begin(), scores.end(),
-                                   [&](float s) { return s > scores[truth]; }));
+    result.location_rank =
+        1 + static_cast<int>(std::count_if(scores.begin(), scores.end(),
+                                           [&](float s) { return s > scores[truth]; }));
   }
   result.scored_location = BestByScoreAlone(model, localizer.pair_scores());
   RankKeyframes(model, localizer.keyframe_similarities(), truth, result);
+}
+
+// Reads and localizes the images of a split one by one.
+class Evaluator {
+ public:
+  Evaluator(const ImageSet& set, const ModelView& model,
+            const std::optional<Similarity>& world_from_map, const EvaluateOptions& options)
+      : set_(set),
+        model_(model),
+        world_from_map_(world_from_map),
+        sequence_(options.sequence),
+        localizer_(MakeLocalizer(model, options.window)) {}
+
+  // Throws ToolError where the image cannot be read.
+  FrameResult Run(int image_idx) {
+    const ImageRecord& image = set_.images[image_idx];
+    BeginFrame(image_idx);
+    FrameResult result;
+    result.image_idx = image_idx;
+    const GreyImage pixels = LoadGreyImage(set_.FullPath(image));
+    result.fix = Localize(image, pixels);
+    Describe(model_, localizer_, image, result);
+    ComparePoses(model_, world_from_map_, image, result);
+    return result;
+  }
+
+ private:
+  // Frames count by their place in the set: images of another split between two frames are time
+  // that passed. Between captures so much passes that nothing is known any more.
+  void BeginFrame(int image_idx) {
+    const std::string& capture = set_.images[image_idx].capture;
+    if (capture != capture_) captures_before_ += 1;
+    capture_ = capture;
+    sequence_number_ =
+        static_cast<std::uint64_t>(image_idx) + captures_before_ * 2 * MotionModel::kMaxGap;
+  }
+
+  Fix Localize(const ImageRecord& image, const GreyImage& pixels) {
+    Prior prior;
+    prior.sequence = sequence_number_;
+    Camera camera;
+    if (image.camera_idx >= 0) {
+      camera = ToCamera(set_.cameras[image.camera_idx]);
+      prior.camera = &camera;
+    }
+    const auto prediction = sequence_ ? motion_.Predict(sequence_number_) : std::nullopt;
+    if (prediction) {
+      prior.cam_from_world = &prediction->cam_from_world;
+      prior.map_idx = prediction->map_idx;
+    }
+    const Result<Fix> fix = localizer_.Localize(pixels.view(), prior);
+    if (!fix.ok()) throw ToolError(set_.FullPath(image).string() + ": " + fix.status().text());
+    if (fix->has_pose) {
+      motion_.Update(sequence_number_, fix->map_idx, fix->world_from_cam);
+    } else {
+      motion_.Lose();
+    }
+    return *fix;
+  }
+
+  const ImageSet& set_;
+  const ModelView& model_;
+  std::optional<Similarity> world_from_map_;
+  bool sequence_;
+  Localizer localizer_;
+  MotionModel motion_;
+  std::string capture_;
+  std::uint64_t captures_before_ = 0;
+  std::uint64_t sequence_number_ = 0;
+};
+
+void RefuseMostlyUnreadable(const ImageSet& set, const Evaluation& evaluation, std::size_t asked) {
+  if (evaluation.skipped.size() * 5 <= asked) return;
+  throw ToolError(set.source.string() + ": " + std::to_string(evaluation.skipped.size()) + " of " +
+                  std::to_string(asked) +
+                  " images could not be read, the first: " + evaluation.skipped.front());
 }
 
 }  // namespace
@@ -174,40 +271,21 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
                     const Progress& progress) {
   Evaluation evaluation;
   evaluation.model_bytes = model.bytes().size();
-  const auto record = nlohmann::json::parse(model.record(), nullptr, false);
-  evaluation.model_has_view_labels =
-      record.is_object() && record.value("view_source", "") == "labels";
+  const nlohmann::ordered_json record = RecordOf(model);
+  evaluation.model_has_view_labels = record.value("view_source", "") == "labels";
   const std::vector<int> idxs = ImagesOf(set, options.split);
-  Localizer localizer = MakeLocalizer(model);
-  const std::optional<Similarity> world_from_map = AlignMap(set, model, evaluation.alignment);
+  const std::optional<Similarity> world_from_map =
+      AlignMap(set, model, record, evaluation.alignment);
+  Evaluator evaluator(set, model, world_from_map, options);
   for (int n = 0; n < static_cast<int>(idxs.size()); ++n) {
-    const ImageRecord& image = set.images[idxs[n]];
-    FrameResult result;
-    result.image_idx = idxs[n];
     try {
-      const GreyImage pixels = LoadGreyImage(set.FullPath(image));
-      Prior prior;
-      Camera camera;
-      if (image.camera_idx >= 0) {
-        camera = ToCamera(set.cameras[image.camera_idx]);
-        prior.camera = &camera;
-      }
-      const Result<Fix> fix = localizer.Localize(pixels.view(), prior);
-      if (!fix.ok()) throw ToolError(set.FullPath(image).string() + ": " + fix.status().text());
-      result.fix = *fix;
-      Describe(model, localizer, image, result);
-      ComparePoses(model, world_from_map, image, result);
-      evaluation.frames.push_back(std::move(result));
+      evaluation.frames.push_back(evaluator.Run(idxs[n]));
     } catch (const ToolError& error) {
       evaluation.skipped.push_back(error.what());
     }
     if (progress) progress(n + 1, static_cast<int>(idxs.size()));
   }
-  if (evaluation.skipped.size() * 5 > idxs.size()) {
-    throw ToolError(set.source.string() + ": " + std::to_string(evaluation.skipped.size()) +
-                    " of " + std::to_string(idxs.size()) + " images could not be read, the first: " +
-                    evaluation.skipped.front());
-  }
+  RefuseMostlyUnreadable(set, evaluation, idxs.size());
   return evaluation;
 }
 

@@ -32,6 +32,10 @@ struct FrameResult {
 struct EvaluateOptions {
   enum class Split { kTest, kTrain, kAll };
   Split split = Split::kTest;
+  // As a moving camera: frames in the set's order, each capture a walk of its own, and each frame
+  // first looked for where the frames before it lead.
+  bool sequence = false;
+  int window = 0;  // of a sequence: LocalizerOptions::window
 };
 
 struct Evaluation {
@@ -49,16 +53,22 @@ struct Evaluation {
   bool model_has_view_labels = false;  // its views are those of the set's `view` column
 };
 
-// Localizes each image of the split alone, one after another on one thread, so that the times are
-// those of one core. Poses of a map that is not metric are compared after a similarity that lays
-// the largest map's keyframes over the poses of the set's training images; without one, and in
-// smaller maps, they count as not localized. Throws ToolError: no images in the split, or more
-// than a fifth of them unreadable.
+// Localizes each image of the split, alone or as a sequence, one after another on one thread, so
+// that the times are those of one core. Poses of a map that is not metric are compared after a
+// similarity that lays the largest map's keyframes over the poses of the set's training images;
+// without one, and in smaller maps, they count as not localized. Those of a map that control points
+// moved away from the set's poses are compared after moving it back. Throws ToolError: no images in
+// the split, or more than a fifth of them unreadable.
 Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,
                     const Progress& progress);
 
 // The figures of interfaces.md, `eval --json`. `unknown` may be null.
 nlohmann::ordered_json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation,
                                      const Evaluation* unknown);
+
+// The figures of a sequence in the same form, with the share of frames that were tracked. What
+// needs every frame's scores is that of the frames alone; so is all of `frame_alone`.
+nlohmann::ordered_json SequenceAsJson(const ImageSet& set, const Evaluation& sequence,
+                                      const nlohmann::ordered_json& alone);
 
 }  // namespace viewfix

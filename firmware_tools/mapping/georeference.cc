@@ -58,23 +58,6 @@ Eigen::Quaterniond BestRotation(const Eigen::Matrix3d& covariance, double& trace
       Eigen::Matrix3d(svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose()));
 }
 
-double CellNumber(const CsvTable::Row& row, int column, const fs::path& file) {
-  const std::string where = file.string() + " line " + std::to_string(row.line);
-  const std::string& cell = row.cells[column];
-  TextFields fields(file, cell);
-  if (!fields.NextLine()) throw ToolError(where + ": an empty coordinate");
-  double value = 0;
-  try {
-    value = fields.Number("coordinate");
-  } catch (const ToolError&) {  // its line would be the cell's
-    throw ToolError(where + ": not a number: " + cell.substr(0, 40));
-  }
-  if (!fields.AtLineEnd() || std::abs(value) > kMaxCoordinate) {
-    throw ToolError(where + ": not a coordinate: " + cell.substr(0, 40));
-  }
-  return value;
-}
-
 // Finds the consensus among pairs.
 class Fitter {
  public:
@@ -222,6 +205,31 @@ Eigen::Vector3d AxisInMap(const MapImage& image, const Eigen::Vector3d& axis_in_
 
 }  // namespace
 
+double CoordinateOf(const CsvTable::Row& row, int column, const fs::path& file) {
+  const std::string where = file.string() + " line " + std::to_string(row.line);
+  const std::string& cell = row.cells[column];
+  TextFields fields(file, cell);
+  if (!fields.NextLine()) throw ToolError(where + ": an empty coordinate");
+  double value = 0;
+  try {
+    value = fields.Number("coordinate");
+  } catch (const ToolError&) {  // its line would be the cell's
+    throw ToolError(where + ": not a number: " + cell.substr(0, 40));
+  }
+  if (!fields.AtLineEnd() || std::abs(value) > kMaxCoordinate) {
+    throw ToolError(where + ": not a coordinate: " + cell.substr(0, 40));
+  }
+  return value;
+}
+
+Similarity Inverse(const Similarity& b_from_a) {
+  Similarity a_from_b;
+  a_from_b.scale = 1 / b_from_a.scale;
+  a_from_b.rotation = b_from_a.rotation.conjugate();
+  a_from_b.translation = -a_from_b.scale * (a_from_b.rotation * b_from_a.translation);
+  return a_from_b;
+}
+
 std::optional<Similarity> FitSimilarity(std::span<const Eigen::Vector3d> points_in_a,
                                         std::span<const Eigen::Vector3d> points_in_b) {
   const std::size_t n = points_in_a.size();
@@ -259,7 +267,7 @@ std::vector<ControlPoint> ReadControlFile(const fs::path& file) {
   for (const CsvTable::Row& row : table->rows) {
     ControlPoint& control = controls.emplace_back();
     control.name = row.cells[columns[0]];
-    for (int i = 0; i < 3; ++i) control.point_in_site[i] = CellNumber(row, columns[i + 1], file);
+    for (int i = 0; i < 3; ++i) control.point_in_site[i] = CoordinateOf(row, columns[i + 1], file);
     const auto [first, is_new] = line_by_name.try_emplace(control.name, row.line);
     if (is_new && !control.name.empty()) continue;
     throw ToolError(

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "firmware_tools/mapping/reconstruction.h"
+#include "platform/csv.h"
 
 namespace viewfix {
 
@@ -23,6 +24,9 @@ struct Similarity {
   }
 };
 
+// a_from_b, given b_from_a.
+Similarity Inverse(const Similarity& b_from_a);
+
 // The least-squares similarity b_from_a of point pairs; never a mirror image.
 // S. Umeyama, Least-squares estimation of transformation parameters between two point patterns,
 // TPAMI 1991. Nothing: fewer than three pairs, or all on a line.
@@ -34,6 +38,9 @@ struct ControlPoint {
   std::string name;
   Eigen::Vector3d point_in_site = Eigen::Vector3d::Zero();
 };
+
+// A cell as a coordinate: finite, at most 1e9. Throws ToolError naming file, line and cause.
+double CoordinateOf(const CsvTable::Row& row, int column, const std::filesystem::path& file);
 
 // CSV with the columns name,x,y,z. Throws ToolError naming file, line and cause.
 std::vector<ControlPoint> ReadControlFile(const std::filesystem::path& file);

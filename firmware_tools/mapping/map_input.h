@@ -27,6 +27,8 @@ struct MapFrame {
 struct MapInput {
   std::vector<Camera> cameras;
   std::vector<MapFrame> frames;
+  bool focal_is_guess = false;         // of at least one camera
+  std::vector<std::string> warnings;   // which cameras are guesses
 };
 
 // Frames first_idx < second_idx of a MapInput.
@@ -38,8 +40,8 @@ struct FramePair {
 };
 
 // The images `image_idxs` of a set, those without features left out. Refers to `features`,
-// which must live longer. Throws ToolError naming the image whose camera is not known, or
-// whose calibration has a distortion that no camera model takes.
+// which must live longer. Cameras that the set does not know are EXIF's; where that is silent, a
+// pinhole with a focal length of 1.2 times the longer side: the middle of what cameras have.
 MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
                       std::span<const int> image_idxs);
 

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/mapping/site_map.h"
 
+#include <array>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "firmware_tools/mapping/pair_selection.h"
 #include "firmware_tools/mapping/sfm.h"
@@ -49,14 +51,13 @@ SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates
   if (options.source == MapSource::kPoses) {
     site.maps.push_back(TriangulateWithPoses(input, pairs, {}, options.jobs,
                                              Begin(stages, "triangulation")));
-    site.metric = true;
     return site;
   }
   SfmOptions sfm;
   sfm.colmap.work_folder = options.work_folder;
   sfm.colmap.seed = options.seed;
-  sfm.colmap.refine_focal = options.refine_focal;
-  sfm.triangulate.adjust.focal = options.refine_focal;
+  sfm.colmap.refine_focal = input.focal_is_guess;
+  sfm.triangulate.adjust.focal = input.focal_is_guess;
   SfmResult result = MapPhotographs(input, candidates, pairs, sfm, options.jobs, stages);
   site.maps = std::move(result.maps);
   if (site.maps.size() > 1) {
@@ -69,14 +70,59 @@ SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates
   return site;
 }
 
+// To the site's frame, as far as it is known.
+void Place(const ImageSet& set, const SiteMapOptions& options, SiteMap& site) {
+  const bool known = options.source == MapSource::kPoses;
+  PlaceReport report = PlaceMaps(site.maps, {.controls = options.controls,
+                                             .folder = set.folder,
+                                             .level = !known,
+                                             .given_is_metric = known});
+  site.metric = !report.placements.empty() && report.placements.front().metric;
+  if (known && site.metric) site.site_from_set = report.placements.front().new_from_old;
+  site.placements = std::move(report.placements);
+  site.notes = std::move(report.notes);
+  site.warnings.insert(site.warnings.end(), report.warnings.begin(), report.warnings.end());
+}
+
+SiteMap NoMap(const ImageSet& set, const SiteMapOptions& options) {
+  if (options.controls.source.empty()) return {};
+  throw ToolError(options.controls.source + ": no map to place by control points: " +
+                  set.source.string() +
+                  " needs poses and a calibration, or ask for --map colmap");
+}
+
+nlohmann::ordered_json SimilarityAsJson(const Similarity& s) {
+  const Eigen::Quaterniond& q = s.rotation;
+  const Eigen::Vector3d& t = s.translation;
+  return {{"scale", s.scale},
+          {"q_xyzw", {q.x(), q.y(), q.z(), q.w()}},
+          {"t", {t.x(), t.y(), t.z()}}};
+}
+
+Similarity SimilarityOf(const nlohmann::ordered_json& json) {
+  const auto q = json.at("q_xyzw").get<std::array<double, 4>>();
+  const auto t = json.at("t").get<std::array<double, 3>>();
+  return {json.at("scale").get<double>(), Eigen::Quaterniond(q[3], q[0], q[1], q[2]),
+          Eigen::Vector3d(t.data())};
+}
+
+nlohmann::ordered_json FitAsJson(const Georeference& fit) {
+  nlohmann::ordered_json residuals = nlohmann::ordered_json::array();
+  for (const ControlResidual& residual : fit.residuals) {
+    residuals.push_back(
+        {{"name", residual.name}, {"metres", residual.metres}, {"used", residual.is_inlier}});
+  }
+  return {{"median_m", fit.median_metres}, {"residuals", residuals}};
+}
+
 }  // namespace
 
 SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<const int> image_idxs,
                 const Eigen::MatrixXf& similarity, const SiteMapOptions& options,
                 const std::function<Progress(const std::string& stage)>& stages) {
-  if (options.source == MapSource::kNone) return {};
+  if (options.source == MapSource::kNone) return NoMap(set, options);
   const std::vector<int> kept = Mappable(set, features, image_idxs, options.source);
-  if (kept.size() < 2) return {};
+  if (kept.size() < 2) return NoMap(set, options);
   std::vector<int> images;
   for (const int i : kept) images.push_back(image_idxs[i]);
   const MapInput input = MakeMapInput(set, features, images);
@@ -91,7 +137,12 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
   const MapInput& used = known ? input : without_poses;
   const auto pairs =
       VerifyPairs(used, candidates, two_view, options.jobs, Begin(stages, "matching"));
-  return Reconstruct(used, candidates, pairs, options, stages);
+  SiteMap site = Reconstruct(used, candidates, pairs, options, stages);
+  if (!known) {
+    site.warnings.insert(site.warnings.end(), input.warnings.begin(), input.warnings.end());
+  }
+  Place(set, options, site);
+  return site;
 }
 
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site) {
@@ -110,6 +161,32 @@ ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site) {
     image.pose = Pose{world_from_cam.rotation, world_from_cam.translation};
   }
   return mapped;
+}
+
+nlohmann::ordered_json MapsAsJson(const SiteMap& site) {
+  nlohmann::ordered_json json;
+  json["site_from_set"] = SimilarityAsJson(site.site_from_set);
+  json["maps"] = nlohmann::ordered_json::array();
+  for (std::size_t m = 0; m < site.maps.size(); ++m) {
+    const MapPlacement& placement = site.placements[m];
+    nlohmann::ordered_json row = {{"images", site.maps[m].images.size()},
+                                  {"points", site.maps[m].points.size()},
+                                  {"metric", placement.metric},
+                                  {"levelled", placement.levelled},
+                                  {"control", nullptr}};
+    if (placement.fit) row["control"] = FitAsJson(*placement.fit);
+    json["maps"].push_back(std::move(row));
+  }
+  return json;
+}
+
+Similarity SiteFromSet(const nlohmann::ordered_json& maps) {
+  if (!maps.is_object() || !maps.contains("site_from_set")) return {};
+  try {
+    return SimilarityOf(maps["site_from_set"]);
+  } catch (const nlohmann::json::exception&) {  // a record of another program
+    return {};
+  }
 }
 
 }  // namespace viewfix

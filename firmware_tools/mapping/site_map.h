@@ -4,6 +4,7 @@
 #include <Eigen/Core>
 #include <filesystem>
 #include <functional>
+#include <nlohmann/json_fwd.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "firmware_tools/common/parallel.h"
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/mapping/reconstruction.h"
+#include "firmware_tools/mapping/site_frame.h"
 #include "firmware_tools/training/feature_store.h"
 
 namespace viewfix {
@@ -25,23 +27,29 @@ enum class MapSource {
 struct SiteMapOptions {
   MapSource source = MapSource::kPoses;
   std::filesystem::path work_folder;  // COLMAP's, kept
-  bool refine_focal = false;          // calibrations are guesses
+  SiteControls controls;              // none: maps keep the frame that they come in
   int seed = 1;
   int jobs = 0;  // 0: all cores
 };
 
 struct SiteMap {
   std::vector<Reconstruction> maps;  // largest first; none: nothing to map
-  bool metric = false;               // units are metres
+  bool metric = false;               // units are metres, at least the largest map's
+  std::vector<MapPlacement> placements;  // [maps]
+  Similarity site_from_set;  // where the set's own poses are: not identity if controls moved them
+  std::vector<std::string> notes;  // for people: how well the controls fit
   std::vector<std::string> warnings;
 };
 
 // Maps the images `image_idxs` of a set: pairs chosen by order and likeness, verified, and
 // triangulated under given poses, or poses made by structure from motion first. Image and
-// keypoint indices of a map are those of its own images; names are the set's paths.
+// keypoint indices of a map are those of its own images; names are the set's paths. Maps then go
+// to the site's frame by its control points and tags (PlaceMaps()); without them, those of
+// kColmap are turned so that z is up, where the cameras tell. Cameras that the set does not give
+// are EXIF's or, at worst, guesses, whose focal lengths are refined; with kPoses, images without
+// a pose or a camera of the set are left out; fewer than two: no map.
 //   similarity [n, n] dot products of the images' histograms, in the order of image_idxs
-// With kPoses, images without a pose or a calibration are left out; fewer than two: no map.
-// Throws ToolError: kColmap where a camera is not known, or COLMAP fails.
+// Throws ToolError: COLMAP fails, the controls do not fit, or there is no map to fit them to.
 SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<const int> image_idxs,
                 const Eigen::MatrixXf& similarity, const SiteMapOptions& options,
                 const std::function<Progress(const std::string& stage)>& stages);
@@ -49,5 +57,11 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
 // The set with the poses of a site's maps in place of its own; images in none have no pose. Only
 // the largest map's are taken: the others have frames of reference of their own.
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site);
+
+// What a model's record says of its maps: sizes, how each was placed, residuals of the controls.
+nlohmann::ordered_json MapsAsJson(const SiteMap& site);
+
+// SiteMap::site_from_set, of what MapsAsJson() wrote; identity where it is not there.
+Similarity SiteFromSet(const nlohmann::ordered_json& maps);
 
 }  // namespace viewfix

@@ -25,7 +25,8 @@ struct Worker {
 };
 
 ImageFeatures ExtractOne(const std::filesystem::path& path, Worker& worker) {
-  const GreyImage image = LoadGreyImage(path);
+  ExifInfo exif;
+  const GreyImage image = LoadGreyImage(path, &exif);
   const ImageView working = worker.shrinker.ShrinkToSide(image.view());
   const Status status = worker.extractor->Extract(working, worker.features);
   if (!status.ok()) throw ToolError(path.string() + ": " + status.text());
@@ -36,6 +37,7 @@ ImageFeatures ExtractOne(const std::filesystem::path& path, Worker& worker) {
   }
   return {working.width,
           working.height,
+          exif,
           {f.keypoints().begin(), f.keypoints().end()},
           {f.descriptors().begin(), f.descriptors().end()}};
 }

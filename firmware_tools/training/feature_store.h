@@ -9,6 +9,7 @@
 #include "engine/features/feature_extractor.h"
 #include "firmware_tools/common/parallel.h"
 #include "firmware_tools/dataset/image_set.h"
+#include "platform/camera/jpeg_decoder.h"
 
 namespace viewfix {
 
@@ -16,6 +17,7 @@ namespace viewfix {
 struct ImageFeatures {
   int width = 0;  // pixels of the image that features were found in (after shrinking)
   int height = 0;
+  ExifInfo exif;
   std::vector<Keypoint> keypoints;
   std::vector<std::int8_t> descriptors;  // [keypoints, dim]
 };

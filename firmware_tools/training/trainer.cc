@@ -163,6 +163,7 @@ Json Record(const ImageSet& set, const TrainOptions& options, const Preparation&
   record["tried"] = Json::array();
   for (const HeldOut& result : tried) record["tried"].push_back(ToJson(result));
   record["recall"] = RecallByPair(labels, tried.front());
+  record["map"] = MapsAsJson(prepared.site);
   return record;
 }
 
@@ -189,9 +190,15 @@ std::array<float, 7> PoseRow(const std::optional<Pose>& pose) {
   return {t.x(), t.y(), t.z(), q.x(), q.y(), q.z(), q.w()};
 }
 
+std::optional<Pose> Moved(const std::optional<Pose>& pose, const Similarity& site_from_set) {
+  if (!pose) return pose;
+  return Pose{(site_from_set.rotation * pose->world_from_cam).normalized(),
+              site_from_set * pose->cam_in_world};
+}
+
 // Returns the image of each keyframe.
-std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,
-                  ModelData& model) {
+std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options,
+                              const Preparation& prepared, ModelData& model) {
   const Labels& labels = prepared.labels;
   std::vector<int> order(labels.pair.size());
   for (int s = 0; s < static_cast<int>(order.size()); ++s) order[s] = s;
@@ -202,7 +209,9 @@ std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options, 
     const Histogram& h = prepared.keyframe_histograms[s];
     image_idxs.push_back(labels.image_idxs[s]);
     const std::optional<Pose> pose =
-        options.use_poses ? set.images[labels.image_idxs[s]].pose : std::nullopt;
+        options.use_poses
+            ? Moved(set.images[labels.image_idxs[s]].pose, prepared.site.site_from_set)
+            : std::nullopt;
     model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));
     model.keyframe_words.insert(model.keyframe_words.end(), h.words.begin(), h.words.end());
     model.keyframe_counts.insert(model.keyframe_counts.end(), h.counts.begin(), h.counts.end());
@@ -381,6 +390,10 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   model.confidence = ConfidenceOf(labels, tried.front());
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
   AddMapToModel(prepared.site, set, prepared.features, keyframes, options.model_map, model);
+  if (options.floor_plan) {
+    const FloorPlan& plan = *options.floor_plan;
+    model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};
+  }
   model.record = Record(set, options, prepared, tried).dump();
   return result;
 }

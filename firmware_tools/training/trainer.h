@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/mapping/floor_plan.h"
 #include "firmware_tools/mapping/model_map.h"
 #include "firmware_tools/mapping/site_map.h"
 #include "firmware_tools/training/feature_store.h"
@@ -32,6 +33,7 @@ struct TrainOptions {
   bool use_poses = true;   // keep the poses that the set gives
   SiteMapOptions map;      // where landmarks come from
   ModelMapOptions model_map;
+  std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   std::uint64_t seed = 1;
   int jobs = 0;            // 0: all cores
 };

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::string_view kReplay = "replay:";
 
-enum Flag : int { kModel = 1, kCamera, kPublish, kCalibration, kRotate, kHelp, kVersion };
+enum Flag : int { kModel = 1, kCamera, kPublish, kCalibration, kRotate, kWindow, kHelp, kVersion };
 
 constexpr option kFlags[] = {
     {"model", required_argument, nullptr, kModel},
@@ -18,6 +18,7 @@ constexpr option kFlags[] = {
     {"publish", required_argument, nullptr, kPublish},
     {"calibration", required_argument, nullptr, kCalibration},
     {"rotate", required_argument, nullptr, kRotate},
+    {"window", required_argument, nullptr, kWindow},
     {"help", no_argument, nullptr, kHelp},
     {"version", no_argument, nullptr, kVersion},
     {},
@@ -36,6 +37,12 @@ int RotationOf(std::string_view text) {
   if (text == "90") return 90;
   if (text == "180") return 180;
   return text == "270" ? 270 : -1;
+}
+
+// -1: neither 0 nor 3..8.
+int WindowOf(std::string_view text) {
+  if (text.size() != 1 || (text[0] != '0' && (text[0] < '3' || text[0] > '8'))) return -1;
+  return text[0] - '0';
 }
 
 // Empty: the value is taken; else what is wrong with it.
@@ -58,6 +65,9 @@ std::string Take(int flag, const std::string& value, DaemonOptions& options) {
     case kRotate:
       options.rotate_deg = RotationOf(value);
       return options.rotate_deg >= 0 ? "" : "--rotate " + value + ": not 0, 90, 180 or 270";
+    case kWindow:
+      options.window = WindowOf(value);
+      return options.window >= 0 ? "" : "--window " + value + ": not 0 or 3 to 8";
     case kHelp:
       options.action = DaemonOptions::Action::kHelp;
       return {};
@@ -91,7 +101,7 @@ const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame on stdout.
 
   viewfixd --model FILE --camera replay:DIR [--calibration FILE] [--publish stdout]
-           [--rotate DEG]
+           [--rotate DEG] [--window N]
 
   --model FILE         the model that `viewfix train` made
   --camera replay:DIR  the *.jpg of a folder in name order, or, where the folder holds
@@ -100,6 +110,8 @@ const char* DaemonHelp() {
                        --rotate; default: the camera that the site was photographed with
   --publish stdout     where fixes go (the default)
   --rotate DEG         turn frames clockwise first: 0, 90, 180 or 270
+  --window N           adjust the poses of the last N frames together, 3 to 8, for a camera that
+                       moves steadily in a map in metres; 0: each frame alone (the default)
   --help, --version    print and end
 
 Exit codes: 0 done; 1 failed, with one line on stderr; 2 wrong usage.

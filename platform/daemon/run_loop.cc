@@ -57,6 +57,7 @@ Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Locali
     const auto prediction = motion.Predict(frame.sequence);
     Prior prior;
     prior.camera = camera;
+    prior.sequence = frame.sequence;
     if (prediction) {
       prior.cam_from_world = &prediction->cam_from_world;
       prior.map_idx = prediction->map_idx;

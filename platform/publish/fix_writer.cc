@@ -135,7 +135,7 @@ void FixWriter::PoseIn(int map_idx, std::span<const float> t, std::span<const fl
   line_.Raw("{\"frame\":\"world_from_cam\",\"map\":");
   line_.Integer(map_idx);
   line_.Raw(",\"metric\":");
-  line_.Raw(model_.metric() ? "true" : "false");
+  line_.Raw(model_.metric(map_idx) ? "true" : "false");
   line_.Raw(",\"t\":");
   AppendFloats(t, line_);
   line_.Raw(",\"q_xyzw\":");

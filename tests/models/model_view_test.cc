@@ -60,9 +60,11 @@ ModelData MappedModelData() {
   for (std::int16_t l = 0; l < 10; ++l) {
     data.landmark_position.push_back({l, static_cast<std::int16_t>(-l), 32767});
     data.landmark_laplacian_sign.push_back(static_cast<std::int8_t>(l % 3 - 1));
+    data.landmark_rarity.push_back(static_cast<std::uint8_t>(255 / (1 + l)));
   }
   data.landmark_descriptors.assign(std::size_t{10} * data.features.descriptor_dim, 7);
   data.pixel_sigma = 0.5F;
+  data.map_metric = {1, 0};
   // Of the keyframes with a pose (even ones) the last has no landmarks.
   data.keyframe_landmark_begin = {0, 4, 4, 8, 8, 12, 12, 12, 12};
   data.keyframe_landmarks = {0, 1, 2, 5, 2, 3, 4, 5, 6, 7, 8, 9};
@@ -86,6 +88,9 @@ TEST(ModelView, ReadsLandmarks) {
   EXPECT_THAT(landmarks.descriptors, ::testing::ElementsAreArray(data.landmark_descriptors));
   EXPECT_THAT(landmarks.laplacian_sign, ::testing::ElementsAreArray(data.landmark_laplacian_sign));
   EXPECT_EQ(landmarks.pixel_sigma, 0.5F);
+  EXPECT_THAT(landmarks.rarity, ::testing::ElementsAreArray(data.landmark_rarity));
+  EXPECT_TRUE(view.metric(0));
+  EXPECT_FALSE(view.metric(1));
   EXPECT_THAT(view.keyframes().landmarks, ::testing::ElementsAreArray(data.keyframe_landmarks));
   EXPECT_THAT(view.camera().intrinsics, ::testing::ElementsAreArray(data.camera.intrinsics));
   EXPECT_THAT(view.camera().distortion, ::testing::ElementsAreArray(data.camera.distortion));
@@ -95,6 +100,7 @@ TEST(ModelView, ReadsLandmarks) {
 TEST(ModelView, MapsWithoutLandmarksAreStillCounted) {
   ModelData data = MappedModelData();
   data.map_begin = {0, 0, 10, 10};
+  data.map_metric.push_back(1);
   data.map_origin.push_back({0, 0, 0});
   data.map_step.push_back(1);
   const auto file = WriteModel(data);
@@ -281,6 +287,9 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"sign_missing", [](ModelData& d) { d.landmark_laplacian_sign.pop_back(); }},
         Broken{"sign_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = 2; }},
         Broken{"sign_minus_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = -2; }},
+        Broken{"rarity_missing", [](ModelData& d) { d.landmark_rarity.pop_back(); }},
+        Broken{"map_metric_missing", [](ModelData& d) { d.map_metric.pop_back(); }},
+        Broken{"map_metric_two", [](ModelData& d) { d.map_metric[1] = 2; }},
         Broken{"sigma_zero", [](ModelData& d) { d.pixel_sigma = 0; }},
         Broken{"sigma_negative", [](ModelData& d) { d.pixel_sigma = -1; }},
         Broken{"sigma_nan", [](ModelData& d) { d.pixel_sigma = kNan; }},

@@ -56,6 +56,7 @@ void AddLandmarks(const FeatureSet& features, const LandmarkSite& site, ModelDat
     }
     data.landmark_position.push_back(position);
     data.landmark_laplacian_sign.push_back(keypoint.laplacian_sign);
+    data.landmark_rarity.push_back(255);
   }
   data.landmark_descriptors.assign(features.descriptors().begin(), features.descriptors().end());
 }

@@ -75,6 +75,35 @@ ModelData TinyModelData() {
   return data;
 }
 
+void AddTinyMaps(ModelData& data) {
+  constexpr int kLandmarks = 40;
+  std::mt19937 random(2);
+  const auto within = [&](int limit) { return static_cast<int>(random() % (2 * limit + 1)) - limit; };
+  data.camera = {1, 320, 240, {300, 300, 159.5, 119.5}, {}};
+  data.map_begin = {0, kLandmarks / 2, kLandmarks};
+  data.map_origin = {{3, -1.5F, 3}, {3.5F, -1.5F, 3}};
+  data.map_step = {0.001F, 0.001F};
+  data.map_metric = {1, 0};
+  for (int l = 0; l < kLandmarks; ++l) {
+    data.landmark_position.push_back({static_cast<std::int16_t>(within(300)),
+                                      static_cast<std::int16_t>(within(300)),
+                                      static_cast<std::int16_t>(within(300))});
+    data.landmark_laplacian_sign.push_back(l % 2 == 0 ? 1 : -1);
+    data.landmark_rarity.push_back(static_cast<std::uint8_t>(255 / (1 + l % 3)));
+    for (int d = 0; d < data.features.descriptor_dim; ++d) {
+      data.landmark_descriptors.push_back(static_cast<std::int8_t>(within(30)));
+    }
+  }
+  data.keyframe_landmark_begin = {0};
+  for (std::uint32_t k = 0; k < data.keyframe_has_pose.size(); ++k) {
+    const std::uint32_t first = k < 4 ? 0 : kLandmarks / 2;
+    for (std::uint32_t l = first; data.keyframe_has_pose[k] != 0 && l < first + 15 + k; ++l) {
+      if (l < first + kLandmarks / 2) data.keyframe_landmarks.push_back(l);
+    }
+    data.keyframe_landmark_begin.push_back(static_cast<std::uint32_t>(data.keyframe_landmarks.size()));
+  }
+}
+
 std::vector<std::uint8_t> TinyModel() { return OrEnd(WriteModel(TinyModelData())); }
 
 }  // namespace viewfix

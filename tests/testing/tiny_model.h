@@ -17,4 +17,8 @@ ModelData TinyModelData();
 // The same as a file's bytes; ends the test program if the writer refuses.
 std::vector<std::uint8_t> TinyModel();
 
+// Adds landmarks to TinyModelData(): two maps, the second not metric, of 20 landmarks and two
+// keyframes that see most of them.
+void AddTinyMaps(ModelData& data);
+
 }  // namespace viewfix

@@ -206,6 +206,7 @@ TEST_F(LocalizerPoseTest, TwoPlacesThatLookAlikeAreAmbiguous) {
   twice(data.landmark_position);
   twice(data.landmark_descriptors);
   twice(data.landmark_laplacian_sign);
+  twice(data.landmark_rarity);
   data.map_begin = {0, size, 2 * size};
   twice(data.map_origin);
   twice(data.map_step);

@@ -127,12 +127,12 @@ TEST(PoseFinder, ALookAlikePlaceIsARival) {
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   ExpectAt(found, truth, 0.01, 0.003);
-  EXPECT_GE(found.num_rival_inliers, found.num_inliers * 8 / 10);
+  EXPECT_GE(found.rival_evidence, 0.8F * found.evidence);
   ASSERT_GE(found.rival_keyframe_idx, 0);
   EXPECT_NE(found.rival_keyframe_idx < 4, found.keyframe_idx < 4);
   const FoundPose alone =
       finder->Find(features, SyntheticSite::camera(), false, Proposed({0, 1, 2, 3}));
-  EXPECT_EQ(alone.num_rival_inliers, 0);
+  EXPECT_EQ(alone.rival_evidence, 0);
   EXPECT_EQ(alone.rival_keyframe_idx, -1);
 }
 
@@ -140,14 +140,14 @@ TEST(PoseFinder, ALookAlikePlaceIsARival) {
 TEST(PoseFinder, ASmallShareOfWhatShouldBeSeenDoesNotConvince) {
   SyntheticSite site;
   Finder finder(site);
-  Finder credulous(site, {.min_inliers = 8, .min_inlier_share = 0});
-  Finder strict(site, {.min_inliers = 8, .min_inlier_share = 0.5F});
+  Finder credulous(site, {.min_inliers = 8, .min_evidence = 5, .min_evidence_share = 0});
+  Finder strict(site, {.min_inliers = 8, .min_evidence = 5, .min_evidence_share = 0.5F});
   const Rigid3 truth = SyntheticSite::CamFromWorld(3);
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0,
                                        {.noise_px = 0.4, .clutter = 60, .share_seen = 0.2});
   const FoundPose found = credulous->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   ASSERT_TRUE(found.found);
-  EXPECT_LT(found.num_inliers, found.num_expected / 3);
+  EXPECT_LT(found.evidence, found.expected / 3);
   EXPECT_FALSE(strict->Find(features, SyntheticSite::camera(), false, AllKeyframes()).found);
 }
 
@@ -298,7 +298,7 @@ TEST(PoseFinder, OptionsOutOfRangeAreRefused) {
       [](PoseFinderOptions& o) { o.min_inliers = 3; },
       [](PoseFinderOptions& o) { o.max_ratio = 1.1F; },
       [](PoseFinderOptions& o) { o.max_ratio = std::numeric_limits<float>::quiet_NaN(); },
-      [](PoseFinderOptions& o) { o.min_inlier_share = 1.5F; },
+      [](PoseFinderOptions& o) { o.min_evidence_share = 1.5F; },
       [](PoseFinderOptions& o) { o.rival_promise = std::numeric_limits<float>::quiet_NaN(); },
       [](PoseFinderOptions& o) { o.guided_radius_px = 0; },
       [](PoseFinderOptions& o) { o.tracking_radius_px = kNan; },

@@ -110,6 +110,7 @@ class SyntheticSite {
       }
       data_.landmark_position.push_back(position);
       data_.landmark_laplacian_sign.push_back(1);
+      data_.landmark_rarity.push_back(255);
       const auto descriptor = RandomDescriptor();
       data_.landmark_descriptors.insert(data_.landmark_descriptors.end(), descriptor.begin(),
                                         descriptor.end());
