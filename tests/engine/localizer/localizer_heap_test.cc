@@ -64,5 +64,23 @@ TEST(LocalizerHeap, LocalizingAllocatesNothing) {
   }
 }
 
+TEST(LocalizerHeap, TheWindowAllocatesNothing) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const auto file = *WriteModel(site.data);
+  LocalizerOptions options;
+  options.window = 3;
+  Localizer localizer = std::move(*Localizer::Create(*ModelView::Open(file), options));
+  const ImageView whole = {site.pixels.data(), site.width, site.height, site.width};
+  const int before = allocations;
+  bool all_found = true;
+  for (const std::uint64_t sequence : {0, 1, 2, 3, 4, 4, 2, 900}) {  // in order and not
+    const auto fix = localizer.Localize(whole, {.sequence = sequence});
+    all_found = all_found && fix->has_pose &&
+                (fix->world_from_cam.translation - site.world_from_cam.translation).norm() < 0.01;
+  }
+  EXPECT_EQ(allocations, before);
+  EXPECT_TRUE(all_found);
+}
+
 }  // namespace
 }  // namespace viewfix

@@ -252,5 +252,21 @@ TEST_F(LocalizerPoseTest, FramesDoNotInfluenceEachOther) {
   EXPECT_EQ(again.num_inliers, alone.num_inliers);
 }
 
+TEST_F(LocalizerPoseTest, WindowsOutOfRangeAreRefused) {
+  file_ = *WriteModel(site_.data);
+  model_ = *ModelView::Open(file_);
+  for (const int window : {-1, 2, 9, 1 << 30}) {
+    LocalizerOptions options;
+    options.window = window;
+    EXPECT_FALSE(Localizer::Create(model_, options).ok()) << window;
+  }
+  for (const double interval : {0.0, -1.0, kNan}) {
+    LocalizerOptions options;
+    options.window = 4;
+    options.frame_interval_s = interval;
+    EXPECT_FALSE(Localizer::Create(model_, options).ok()) << interval;
+  }
+}
+
 }  // namespace
 }  // namespace viewfix
