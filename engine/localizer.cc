@@ -193,8 +193,8 @@ struct Localizer::State {
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
   std::vector<int> proposed_of_location;  // [locations]
-  std::optional<WindowAdjuster> window;  // where asked for
-  int window_map = -1;                   // that its frames are in
+  std::optional<WindowAdjuster> window;   // where asked for
+  int window_map = -1;                    // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -411,8 +411,8 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
   }
   auto window = MakeWindow(model, options);
   if (!window.ok()) return window.status();
-  return Localizer(std::make_unique<State>(model, options, std::move(extractor),
-                                           std::move(finder), std::move(*window)));
+  return Localizer(std::make_unique<State>(model, options, std::move(extractor), std::move(finder),
+                                           std::move(*window)));
 }
 
 Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {

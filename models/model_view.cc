@@ -133,11 +133,10 @@ Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
 
 Status ModelView::Load() {
   using Loader = Status (ModelView::*)();
-  for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
-                            &ModelView::LoadScoring, &ModelView::LoadConfidence,
-                            &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks,
-                            &ModelView::LoadFloorPlan}) {
+  for (const Loader load :
+       {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
+        &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
+        &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -274,15 +273,9 @@ Status ModelView::LoadLandmarks() {
   if (l == nullptr) return {};
   const std::size_t size = Span(l->laplacian_sign()).size();
   const std::size_t maps = Span(l->map_step()).size();
-  landmarks_ = {static_cast<int>(size),
-                static_cast<int>(maps),
-                Span(l->map_begin()),
-                Span(l->map_origin()),
-                Span(l->map_step()),
-                Span(l->position()),
-                Span(l->descriptors()),
-                Span(l->laplacian_sign()),
-                l->pixel_sigma(),
+  landmarks_ = {static_cast<int>(size), static_cast<int>(maps),    Span(l->map_begin()),
+                Span(l->map_origin()),  Span(l->map_step()),       Span(l->position()),
+                Span(l->descriptors()), Span(l->laplacian_sign()), l->pixel_sigma(),
                 Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&

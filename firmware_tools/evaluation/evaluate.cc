@@ -251,8 +251,8 @@ class Evaluator {
 void RefuseMostlyUnreadable(const ImageSet& set, const Evaluation& evaluation, std::size_t asked) {
   if (evaluation.skipped.size() * 5 <= asked) return;
   throw ToolError(set.source.string() + ": " + std::to_string(evaluation.skipped.size()) + " of " +
-                  std::to_string(asked) + " images could not be read, the first: " +
-                  evaluation.skipped.front());
+                  std::to_string(asked) +
+                  " images could not be read, the first: " + evaluation.skipped.front());
 }
 
 }  // namespace
