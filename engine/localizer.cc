@@ -48,8 +48,9 @@ Status CheckImage(const ImageView& image) {
 // scores name.
 constexpr int kPromisingKeyframes = 24;
 constexpr int kPromisingOfLocation = 8;
+constexpr int kPromisingOfPair = 4;
 
-// A pose elsewhere that more than this share of the landmarks agree with leaves a doubt.
+// A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
 constexpr float kAmbiguousShare = 0.9F;
 
 // So many agreeing landmarks are as often wrong as right.
@@ -155,6 +156,7 @@ struct Localizer::State {
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
     proposed_of_location.resize(model.scoring().num_locations);
+    proposed_of_pair.resize(model.scoring().num_pairs);
   }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
@@ -192,9 +194,10 @@ struct Localizer::State {
   std::optional<PoseFinder> pose_finder;  // where the model has landmarks
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
-  std::vector<int> proposed_of_location;  // [locations]
-  std::optional<WindowAdjuster> window;   // where asked for
-  int window_map = -1;                    // that its frames are in
+  std::vector<int> proposed_of_location;       // [locations]
+  std::vector<int> proposed_of_pair;           // [pairs]
+  std::optional<WindowAdjuster> window;        // where asked for
+  int window_map = -1;                         // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -261,8 +264,8 @@ void Localizer::State::Decide(Fix& fix) const {
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
-// the location, applied to each. No location takes all the places, so that a look-alike one has
-// its say.
+// the location, applied to each. No location or view of it takes all the places, so that a
+// look-alike one has its say.
 std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
   const float weight = model.scoring().keyframe_weight;
   const auto& pair_of = model.keyframes().pair;
@@ -275,11 +278,15 @@ std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
               return a.promise != b.promise ? a.promise > b.promise
                                             : a.keyframe_idx < b.keyframe_idx;
             });
+  std::fill(proposed_of_pair.begin(), proposed_of_pair.end(), 0);
   std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
   proposed.clear();
   for (const ProposedKeyframe& p : all_proposed) {
-    int& taken = proposed_of_location[model.scoring().pair_location[pair_of[p.keyframe_idx]]];
-    if (++taken > kPromisingOfLocation) continue;
+    const int pair = pair_of[p.keyframe_idx];
+    int& of_location = proposed_of_location[model.scoring().pair_location[pair]];
+    if (of_location == kPromisingOfLocation || proposed_of_pair[pair] == kPromisingOfPair) continue;
+    ++of_location;
+    ++proposed_of_pair[pair];
     proposed.push_back(p);
     if (std::ssize(proposed) == kPromisingKeyframes) break;
   }
@@ -299,8 +306,9 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.world_from_cam = Inverse(found.pose.cam_from_world);
   fix.covariance = found.pose.covariance;
   fix.num_inliers = found.num_inliers;
-  fix.num_expected = found.num_expected;
-  fix.num_rival_inliers = found.num_rival_inliers;
+  fix.evidence = found.evidence;
+  fix.expected_evidence = found.expected;
+  fix.rival_evidence = found.rival_evidence;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
@@ -358,8 +366,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   if (found.found) {
     TakePose(found, fix);
     fix.reasons = 0;
-    if (static_cast<float>(found.num_rival_inliers) >
-        kAmbiguousShare * static_cast<float>(found.num_inliers)) {
+    if (found.rival_evidence > kAmbiguousShare * found.evidence) {
       RefuseAsAmbiguous(found, fix);
     } else {
       AdjustWindow(found, prior.sequence, fix);
@@ -367,6 +374,8 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
     return;
   }
   fix.num_inliers = found.num_inliers;
+  fix.evidence = found.evidence;
+  fix.expected_evidence = found.expected;
   const auto& begin = model.keyframes().landmark_begin;
   const bool has_landmarks = fix.keyframe_idx >= 0 &&
                              begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];

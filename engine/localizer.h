@@ -58,8 +58,11 @@ struct Fix {
   // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   int num_inliers = 0;        // landmarks that agree with the pose
-  int num_expected = 0;       // landmarks of the keyframe that the pose puts into the image
-  int num_rival_inliers = 0;  // that agree with the best pose elsewhere
+  // What they say, each weighed by its rarity; what would be said if all landmarks in sight of
+  // the pose were found; and what speaks for the best pose elsewhere (pose/pose_finder.h).
+  float evidence = 0;
+  float expected_evidence = 0;
+  float rival_evidence = 0;
   float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;       // best location's score, keyframes counted in, less the best other's
   int num_rivals = 0;     // other locations close to the best, best first

@@ -273,14 +273,21 @@ Status ModelView::LoadLandmarks() {
   if (l == nullptr) return {};
   const std::size_t size = Span(l->laplacian_sign()).size();
   const std::size_t maps = Span(l->map_step()).size();
-  landmarks_ = {static_cast<int>(size), static_cast<int>(maps),    Span(l->map_begin()),
-                Span(l->map_origin()),  Span(l->map_step()),       Span(l->position()),
-                Span(l->descriptors()), Span(l->laplacian_sign()), l->pixel_sigma(),
+  landmarks_ = {static_cast<int>(size),
+                static_cast<int>(maps),
+                Span(l->map_begin()),
+                Span(l->map_origin()),
+                Span(l->map_step()),
+                Span(l->position()),
+                Span(l->descriptors()),
+                Span(l->laplacian_sign()),
+                Span(l->rarity()),
+                l->pixel_sigma(),
                 Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
-                     m.position.size() == 3 * size &&
+                     m.position.size() == 3 * size && m.rarity.size() == size &&
                      m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
                      m.map_begin.front() == 0 && m.map_begin.back() == size &&
                      (m.map_metric.empty() || m.map_metric.size() == maps);

@@ -98,6 +98,7 @@ struct ModelLandmarks {
   std::span<const std::int16_t> position;        // [size, 3]
   std::span<const std::int8_t> descriptors;      // [size, dim]
   std::span<const std::int8_t> laplacian_sign;   // [size]
+  std::span<const std::uint8_t> rarity;          // [size]
   float pixel_sigma = 1;
   std::span<const std::uint8_t> map_metric;      // [maps] 0 or 1; empty: all as the model
 };

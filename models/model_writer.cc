@@ -32,9 +32,10 @@ flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder
   const auto position = b.CreateVector(Flat(d.landmark_position));
   const auto descriptors = b.CreateVector(d.landmark_descriptors);
   const auto sign = b.CreateVector(d.landmark_laplacian_sign);
+  const auto rarity = b.CreateVector(d.landmark_rarity);
   const auto map_metric = b.CreateVector(d.map_metric);
   return fb::CreateLandmarks(b, map_begin, map_origin, map_step, position, descriptors, sign,
-                             d.pixel_sigma, map_metric);
+                             rarity, d.pixel_sigma, map_metric);
 }
 
 flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder& b,

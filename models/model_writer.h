@@ -52,6 +52,7 @@ struct ModelData {
   std::vector<std::array<std::int16_t, 3>> landmark_position;
   std::vector<std::int8_t> landmark_descriptors;  // [landmarks, features.descriptor_dim]
   std::vector<std::int8_t> landmark_laplacian_sign;
+  std::vector<std::uint8_t> landmark_rarity;
   float pixel_sigma = 1;
   bool metric = false;
   // An empty picture: none.

@@ -20,8 +20,9 @@ constexpr int kMinStart = 6;
 constexpr int kCertainTimes = 3;
 // Keyframes whose landmarks are looked for around a pose.
 constexpr int kNeighbours = 12;
-// Keyframes of a group must share so many landmarks with it.
-constexpr int kMinShared = 3;
+// Keyframes of a group share one landmark of so many with it; a few are shared by look-alike
+// places, too, through wrong matches in training.
+constexpr int kSharedOfLandmarks = 10;
 // Rounds of guided matching; the radius shrinks to kFinalRadiusSigma after the first.
 constexpr int kRounds = 3;
 constexpr double kFinalRadiusSigma = 5;
@@ -49,7 +50,8 @@ double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b) {
 
 Status PoseFinderOptions::Validate() const {
   const bool valid = max_landmarks >= 64 && max_landmarks <= 65536 && max_groups >= 1 &&
-                     min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 && min_inlier_share >= 0 &&
+                     min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 && min_evidence > 0 &&
+                     min_evidence_share >= 0 &&
                      guided_radius_px > 0 && tracking_radius_px > 0 && max_guided_distance > 0 &&
                      max_guided_distance <= 2048;
   return valid ? Status() : Status(StatusCode::kInvalidArgument, "pose finder option out of range");
@@ -88,6 +90,7 @@ struct PoseFinder::State {
   void IndexKeyframes();
   Eigen::Vector3d Position(std::uint32_t landmark) const;
   Rigid3 KeyframePose(int k) const;
+  float RarityOf(std::uint32_t landmark) const;
   double SigmaOf(const Keypoint& keypoint) const;
   std::span<const std::uint32_t> LandmarksOf(int k) const;
 
@@ -178,6 +181,10 @@ Rigid3 PoseFinder::State::KeyframePose(int k) const {
           Eigen::Vector3d(double{row[0]}, double{row[1]}, double{row[2]})};
 }
 
+float PoseFinder::State::RarityOf(std::uint32_t landmark) const {
+  return static_cast<float>(landmarks.rarity[landmark]) / 255;
+}
+
 double PoseFinder::State::SigmaOf(const Keypoint& keypoint) const {
   return double{landmarks.pixel_sigma} * double{keypoint.sigma};
 }
@@ -224,7 +231,8 @@ const ProposedKeyframe* PoseFinder::State::GatherGroup(
   for (const ProposedKeyframe& p : proposed) {
     const int k = p.keyframe_idx;
     if (tried[k] != 0 || LandmarksOf(k).empty()) continue;
-    if (first != nullptr && CountShared(k) < kMinShared) continue;
+    const auto seen = static_cast<int>(LandmarksOf(k).size());
+    if (first != nullptr && CountShared(k) * kSharedOfLandmarks < seen) continue;
     if (first == nullptr) first = &p;
     tried[k] = 1;
     if (!AddCandidatesOf(k)) break;
@@ -364,18 +372,28 @@ bool PoseFinder::State::Refine(const Camera& camera, const PoseRefinerOptions& r
   return refined.found;
 }
 
-// The keyframe that shares most with the matches, and how many of its landmarks should be seen.
+// The keyframe that stands nearest of those that share most with the matches, what these say,
+// and what the keyframe's landmarks would say if all were seen.
 void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   GatherCovisible();
   if (ranked.empty()) return;
-  found.keyframe_idx = ranked.front().second;
+  const Rigid3 world_from_cam = Inverse(found.pose.cam_from_world);
+  const auto end = ranked.begin() + std::min<std::ptrdiff_t>(kNeighbours, std::ssize(ranked));
+  const auto nearest = std::min_element(ranked.begin(), end, [&](const auto& a, const auto& b) {
+    return Unlike(world_from_cam, KeyframePose(a.second)) <
+           Unlike(world_from_cam, KeyframePose(b.second));
+  });
+  found.keyframe_idx = nearest->second;
   found.map_idx = model.MapOf(LandmarksOf(found.keyframe_idx).front());
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (used[i] != 0) found.evidence += RarityOf(matched_landmarks[i]);
+  }
   for (const std::uint32_t l : LandmarksOf(found.keyframe_idx)) {
     Eigen::Vector2d pixel;
     const bool seen = camera.Project(found.pose.cam_from_world * Position(l), pixel) &&
                       pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width &&
                       pixel.y() < camera.height;
-    found.num_expected += seen ? 1 : 0;
+    if (seen) found.expected += RarityOf(l);
   }
 }
 
@@ -419,27 +437,26 @@ FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, boo
 }
 
 bool PoseFinder::State::Convincing(const FoundPose& found, int min_inliers) const {
-  return found.num_inliers >= min_inliers &&
-         static_cast<float>(found.num_inliers) >=
-             options.min_inlier_share * static_cast<float>(found.num_expected);
+  return found.num_inliers >= min_inliers && found.evidence >= options.min_evidence &&
+         found.evidence >= options.min_evidence_share * found.expected;
 }
 
-// The pose that more matches agree with; the other is its rival if it stands elsewhere.
+// The pose that more speaks for; the other is its rival if it stands elsewhere.
 FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) const {
-  const bool a_first = a.num_inliers >= b.num_inliers;
+  const bool a_first = a.evidence >= b.evidence;
   FoundPose better = a_first ? a : b;
   const FoundPose& other = a_first ? b : a;
   const bool elsewhere =
-      other.num_inliers > 0 &&
+      other.evidence > 0 &&
       (other.map_idx != better.map_idx ||
        Unlike(Inverse(other.pose.cam_from_world), Inverse(better.pose.cam_from_world)) > 1);
-  const auto take = [&](int inliers, int keyframe) {
-    if (inliers <= better.num_rival_inliers) return;
-    better.num_rival_inliers = inliers;
+  const auto take = [&](float evidence, int keyframe) {
+    if (evidence <= better.rival_evidence) return;
+    better.rival_evidence = evidence;
     better.rival_keyframe_idx = keyframe;
   };
-  if (elsewhere) take(other.num_inliers, other.keyframe_idx);
-  take(other.num_rival_inliers, other.rival_keyframe_idx);
+  if (elsewhere) take(other.evidence, other.keyframe_idx);
+  take(other.rival_evidence, other.rival_keyframe_idx);
   return better;
 }
 

@@ -19,16 +19,17 @@ struct PoseFinderOptions {
   // alike, about 300 each. More take time and find little.
   int max_landmarks = 3000;
   // Groups of keyframes that see the same landmarks, tried one after another, >= 1.
-  int max_groups = 4;
+  int max_groups = 6;
   // A pose that many matches agree with ends the search, but for groups whose promise comes so
   // close to the best's: look-alike places are compared by what agrees with each.
   float rival_promise = 1.0F;
-  // Matches that must agree on a pose, >= 4. Chosen by frames of places that are not in the
-  // map: none reached 12 there.
+  // Matches that must agree on a pose, >= 4.
   int min_inliers = 15;
-  // And so many of the landmarks that the pose puts into the image, 0..1: a door like any other
-  // is a small part of what should be seen. Frames of other rooms reached 0.09, right ones 0.2.
-  float min_inlier_share = 0.12F;
+  // How much they must say, each weighed by its landmark's rarity, > 0.
+  float min_evidence = 10;
+  // And what share of the landmarks that the pose puts into the image, weighed likewise, 0..1: a
+  // door like any other is a small part of what should be seen.
+  float min_evidence_share = 0.15F;
   // Greatest ratio of the distances to the nearest and second nearest landmark, 0..1. Mild:
   // one thing seen by several keyframes can be several landmarks.
   float max_ratio = 0.9F;
@@ -51,11 +52,12 @@ struct ProposedKeyframe {
 struct FoundPose {
   bool found = false;
   int map_idx = -1;
-  int keyframe_idx = -1;  // the one that shares most of the matched landmarks
+  int keyframe_idx = -1;  // the nearest of those that share most of the matched landmarks
   int num_inliers = 0;    // matches that agree with the pose
-  int num_expected = 0;   // landmarks that the pose puts into the image
+  float evidence = 0;     // the same, each weighed by its landmark's rarity, 0..1
+  float expected = 0;     // evidence, if all landmarks that the pose puts into the image were seen
   // Of the best pose elsewhere that was tried, of a look-alike place say.
-  int num_rival_inliers = 0;
+  float rival_evidence = 0;
   int rival_keyframe_idx = -1;
   RefinedPose pose;       // camera from the map's frame of reference
   Camera camera;          // that it is the pose of: the focal length refined, if it was a guess

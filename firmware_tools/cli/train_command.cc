@@ -66,6 +66,7 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   }
   options.map.seed = static_cast<int>(options.seed % 1000000);
   options.map.jobs = options.jobs;
+  options.model_map.jobs = options.jobs;
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";

@@ -65,11 +65,6 @@ class Figures {
   Json Confidence() const;
   Json Latency() const;
   Json PerFrame() const;
-  Json Inliers() const {
-    Json rows = Json::array();
-    for (const FrameResult& f : evaluation_.frames) rows.push_back({f.fix.localized?1:0,f.fix.num_inliers, f.fix.num_expected, f.fix.num_rival_inliers});
-    return rows;
-  }
 
  private:
   const ImageRecord& Truth(const FrameResult& f) const { return set_.images[f.image_idx]; }
@@ -262,11 +257,27 @@ Json Figures::PerFrame() const {
                     {"keyframe_distance_m", OrNull(f.keyframe_distance)},
                     {"keyframe_angle_deg", OrNull(f.keyframe_angle_deg)},
                     {"inliers", f.fix.num_inliers},
-                    {"expected", f.fix.num_expected},
-                    {"rival_inliers", f.fix.num_rival_inliers},
+                    {"evidence", f.fix.evidence},
+                    {"expected_evidence", f.fix.expected_evidence},
+                    {"rival_evidence", f.fix.rival_evidence},
                     {"tracked", f.fix.tracked},
                     {"translation_error_m", OrNull(f.translation_error)},
                     {"rotation_error_deg", OrNull(f.rotation_error_deg)}});
+  }
+  return rows;
+}
+
+// What was said where nothing should have been.
+Json UnknownFrames(const Evaluation& unknown) {
+  Json rows = Json::array();
+  for (const FrameResult& f : unknown.frames) {
+    rows.push_back({{"localized", f.fix.localized},
+                    {"location", f.location},
+                    {"confidence", f.fix.confidence},
+                    {"margin", f.fix.margin},
+                    {"inliers", f.fix.num_inliers},
+                    {"evidence", f.fix.evidence},
+                    {"expected_evidence", f.fix.expected_evidence}});
   }
   return rows;
 }
@@ -294,9 +305,10 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
     const auto localized =
         std::count_if(unknown->frames.begin(), unknown->frames.end(),
                       [](const FrameResult& f) { return f.fix.localized; });
-    json["unknown"] = {{"frames", Figures(ImageSet(), *unknown).Inliers()}, {"images", unknown->frames.size()},
+    json["unknown"] = {{"images", unknown->frames.size()},
                        {"localized", Share(static_cast<int>(localized),
-                                           static_cast<int>(unknown->frames.size()))}};
+                                           static_cast<int>(unknown->frames.size()))},
+                       {"frames", UnknownFrames(*unknown)}};
   }
   json["latency_ms"] = figures.Latency();
   json["frames"] = figures.PerFrame();

@@ -7,6 +7,9 @@
 #include <map>
 #include <vector>
 
+#include "engine/vocabulary/vocabulary.h"
+#include "firmware_tools/common/parallel.h"
+
 namespace viewfix {
 namespace {
 
@@ -15,6 +18,12 @@ constexpr int kColumns = 6;
 constexpr int kRows = 4;
 
 constexpr float kDescriptorLength = 127;
+
+// Rarity: words whose landmarks are compared; the distance below which descriptors, of length
+// 127, look alike; and what share of a map's extent is elsewhere.
+constexpr int kRarityWords = 3;
+constexpr int kAlike = 45;
+constexpr double kElsewhere = 0.05;
 
 // Median of a Rayleigh distribution of unit sigma.
 constexpr double kRayleighMedian = 1.1774;
@@ -66,8 +75,8 @@ std::vector<int> ChoosePoints(const Reconstruction& map, const ModelMapOptions& 
 class Writer {
  public:
   Writer(const ImageSet& set, const FeatureStore& features,
-         std::span<const int> keyframe_image_idxs, ModelData& model)
-      : features_(features), model_(model) {
+         std::span<const int> keyframe_image_idxs, int jobs, ModelData& model)
+      : features_(features), jobs_(jobs), model_(model) {
     for (int i = 0; i < static_cast<int>(set.images.size()); ++i) idx_of_[set.images[i].path] = i;
     for (int k = 0; k < static_cast<int>(keyframe_image_idxs.size()); ++k) {
       keyframe_of_[keyframe_image_idxs[k]] = k;
@@ -84,6 +93,7 @@ class Writer {
   }
 
   void Finish(const Reconstruction& largest) {
+    WeighByRarity();
     model_.keyframe_landmark_begin = {0};
     for (std::vector<std::uint32_t>& seen : seen_) {
       std::sort(seen.begin(), seen.end());
@@ -155,6 +165,52 @@ class Writer {
     errors_.push_back((pixel - image.keypoints[o.feature_idx]).norm() / scale);
   }
 
+  Eigen::Vector3d Position(std::size_t landmark, std::size_t map) const {
+    const auto& steps = model_.landmark_position[landmark];
+    const auto& origin = model_.map_origin[map];
+    return Eigen::Vector3d(origin[0], origin[1], origin[2]) +
+           double{model_.map_step[map]} * Eigen::Vector3d(steps[0], steps[1], steps[2]);
+  }
+
+  int SquaredDistance(std::size_t a, std::size_t b) const {
+    const std::int8_t* first = &model_.landmark_descriptors[a * features_.dim];
+    const std::int8_t* second = &model_.landmark_descriptors[b * features_.dim];
+    int sum = 0;
+    for (int d = 0; d < features_.dim; ++d) sum += (first[d] - second[d]) * (first[d] - second[d]);
+    return sum;
+  }
+
+  // Counts for each landmark those that look like it elsewhere: in another map, or farther off
+  // than a part of its own. Only landmarks of the nearest visual words are compared.
+  void WeighByRarity() {
+    const std::size_t size = model_.landmark_position.size();
+    const Vocabulary vocabulary(model_.words, features_.dim);
+    const int ranks = std::min(kRarityWords, vocabulary.size());
+    std::vector<std::uint16_t> words(size * ranks);
+    vocabulary.NearestWords(model_.landmark_descriptors, ranks, words);
+    std::vector<std::vector<std::size_t>> of_word(vocabulary.size());
+    std::vector<std::size_t> map_of(size, 0);
+    for (std::size_t l = 0; l < size; ++l) {
+      of_word[words[l * ranks]].push_back(l);
+      while (model_.map_begin[map_of[l] + 1] <= l) ++map_of[l];
+    }
+    model_.landmark_rarity.resize(size);
+    ParallelFor(static_cast<int>(size), jobs_, [&](int l) {
+      const std::size_t map = map_of[l];
+      const double reach = kElsewhere * 65535 * double{model_.map_step[map]};
+      const Eigen::Vector3d position = Position(l, map);
+      int alike = 0;
+      for (int r = 0; r < ranks; ++r) {
+        for (const std::size_t other : of_word[words[std::size_t(l) * ranks + r]]) {
+          const bool near =
+              map_of[other] == map && (Position(other, map) - position).norm() < reach;
+          if (!near && SquaredDistance(l, other) < kAlike * kAlike) ++alike;
+        }
+      }
+      model_.landmark_rarity[l] = static_cast<std::uint8_t>(255 / (1 + alike));
+    });
+  }
+
   void GivePose(const MapImage& image) {
     const auto keyframe = keyframe_of_.find(idx_of_.at(image.name));
     if (keyframe == keyframe_of_.end()) return;
@@ -174,6 +230,7 @@ class Writer {
   }
 
   const FeatureStore& features_;
+  int jobs_;
   ModelData& model_;
   std::map<std::string, int> idx_of_;  // of an image, by name
   std::map<int, int> keyframe_of_;     // by image
@@ -195,7 +252,7 @@ void AddMapToModel(const SiteMap& site, const ImageSet& set, const FeatureStore&
     total += chosen.back().size();
   }
   if (total == 0) return;
-  Writer writer(set, features, keyframe_image_idxs, model);
+  Writer writer(set, features, keyframe_image_idxs, options.jobs, model);
   for (std::size_t m = 0; m < site.maps.size(); ++m) writer.AddMap(site.maps[m], chosen[m]);
   writer.Finish(site.maps.front());
   model.metric = site.metric;

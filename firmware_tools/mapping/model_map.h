@@ -16,6 +16,7 @@ struct ModelMapOptions {
   // over its image. The knee of accuracy against bytes.
   int landmarks_per_keyframe = 400;
   int min_track = 2;        // key points that saw a landmark, >= 2
+  int jobs = 0;             // 0: all cores; the result does not depend on it
   double max_error_px = 2;  // mean reprojection error of a landmark that is kept
 };
 

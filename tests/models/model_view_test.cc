@@ -194,6 +194,7 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"plan_without_scale",
                [](ModelData& d) { d.floor_plan.site_from_pixel = {0, 0, 1, 1}; }},
         Broken{"map_metric_short", [](ModelData& d) { d.map_metric.pop_back(); }},
+        Broken{"rarity_short", [](ModelData& d) { d.landmark_rarity.pop_back(); }},
         Broken{"map_step_zero", [](ModelData& d) { d.map_step[0] = 0; }},
         Broken{"pose_nan", [](ModelData& d) { d.keyframe_pose[0][0] = kNan; }},
         Broken{"pose_not_unit", [](ModelData& d) { d.keyframe_pose[0][3] = 2; }}),

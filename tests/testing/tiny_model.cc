@@ -91,6 +91,7 @@ void AddTinyMaps(ModelData& data) {
                                       static_cast<std::int16_t>(within(300)),
                                       static_cast<std::int16_t>(within(300))});
     data.landmark_laplacian_sign.push_back(l % 2 == 0 ? 1 : -1);
+    data.landmark_rarity.push_back(static_cast<std::uint8_t>(255 / (1 + l % 3)));
     for (int d = 0; d < data.features.descriptor_dim; ++d) {
       data.landmark_descriptors.push_back(static_cast<std::int8_t>(within(30)));
     }
