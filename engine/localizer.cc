@@ -437,8 +437,8 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
   }
   auto window = MakeWindow(model, options);
   if (!window.ok()) return window.status();
-  return Localizer(std::make_unique<State>(model, options, std::move(extractor),
-                                           std::move(finder), std::move(*window)));
+  return Localizer(std::make_unique<State>(model, options, std::move(extractor), std::move(finder),
+                                           std::move(*window)));
 }
 
 Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {

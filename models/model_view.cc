@@ -133,11 +133,10 @@ Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
 
 Status ModelView::Load() {
   using Loader = Status (ModelView::*)();
-  for (const Loader load : {&ModelView::LoadFeatures, &ModelView::LoadVocabulary,
-                            &ModelView::LoadScoring, &ModelView::LoadConfidence,
-                            &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-                            &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks,
-                            &ModelView::LoadFloorPlan}) {
+  for (const Loader load :
+       {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
+        &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
+        &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();

@@ -496,7 +496,7 @@ FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, boo
     s.used.assign(s.estimator.inliers().begin(), s.estimator.inliers().end());
     const double radius = s.options.guided_radius_px * (refine_focal ? 2 : 1);
     const FoundPose found = s.Grow(features, camera, refine_focal, start.pose, radius, true);
-    if (found.num_inliers > best.num_inliers) s.KeepInliers();
+    if (found.evidence > best.evidence) s.KeepInliers();  // as BetterOf() chooses
     best = s.BetterOf(best, found);
   }
   best.found = s.Convincing(best, s.options.min_inliers);

@@ -163,9 +163,10 @@ void AddEval(CLI::App& app) {
   command->add_flag("--sequence", flags->sequence,
                     "measure also as a moving camera: each frame is first looked for where the "
                     "frames of its capture before it lead");
-  command->add_option("--window", flags->window,
-                      "with --sequence: poses adjusted together over so many frames, 3 to 8; 0: "
-                      "not")
+  command
+      ->add_option("--window", flags->window,
+                   "with --sequence: poses adjusted together over so many frames, 3 to 8; 0: "
+                   "not")
       ->check(CLI::IsMember({0, 3, 4, 5, 6, 7, 8}))
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);

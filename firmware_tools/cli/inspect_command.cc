@@ -90,11 +90,11 @@ Json CameraAsJson(const ModelCamera& camera) {
 
 Json FloorPlanAsJson(const ModelFloorPlan& plan) {
   if (plan.picture.empty()) return nullptr;
-  return {{"bytes", plan.picture.size()},
-          {"width", plan.width},
-          {"height", plan.height},
-          {"site_from_pixel",
-           std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
+  return {
+      {"bytes", plan.picture.size()},
+      {"width", plan.width},
+      {"height", plan.height},
+      {"site_from_pixel", std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
 }
 
 Json Describe(const ModelView& model) {
@@ -141,8 +141,9 @@ void PrintMaps(const Json& d) {
     std::printf("  map %zu    %d landmarks, %d keyframes", m, map["landmarks"].get<int>(),
                 map["keyframes"].get<int>());
     for (int axis = 0; axis < 3 && !map["extent"].is_null(); ++axis) {
-      std::printf("%s%.1f", axis == 0 ? ", " : " x ",
-                  map["extent"]["max"][axis].get<double>() - map["extent"]["min"][axis].get<double>());
+      std::printf(
+          "%s%.1f", axis == 0 ? ", " : " x ",
+          map["extent"]["max"][axis].get<double>() - map["extent"]["min"][axis].get<double>());
     }
     std::printf(" %s\n", map["metric"].get<bool>() ? "m" : "units of its own");
   }

@@ -321,8 +321,7 @@ Json SequenceAsJson(const ImageSet& set, const Evaluation& sequence, const Json&
                                      [](const FrameResult& f) { return f.fix.tracked; });
   Json json = alone;
   json["sequence"] = true;
-  json["tracked"] =
-      Share(static_cast<int>(tracked), static_cast<int>(sequence.frames.size()));
+  json["tracked"] = Share(static_cast<int>(tracked), static_cast<int>(sequence.frames.size()));
   json["location"] = figures.Location();
   json["view"] = figures.View();
   json["pose"] = figures.Pose();

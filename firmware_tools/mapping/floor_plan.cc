@@ -19,8 +19,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr double kMaxRms = 0.5;  // metres
-constexpr double kShrink = 0.8;  // of each side, until the file is small enough
+constexpr double kMaxRms = 0.5;       // metres
+constexpr double kLeastScale = 1e-6;  // metres a pixel
+constexpr double kShrink = 0.8;       // of each side, until the file is small enough
 constexpr int kMaxSide = 65535;
 
 struct PlanPoint {
@@ -62,7 +63,7 @@ void Align(const std::vector<PlanPoint>& points, const fs::path& file, FloorPlan
     throw ToolError(file.string() + ": two different points of the plan are needed");
   }
   const Eigen::Vector4d solved = solver.solve(site);
-  if (!(solved.head<2>().norm() > 0)) {
+  if (!(solved.head<2>().norm() > kLeastScale)) {
     throw ToolError(file.string() + ": the points are one place on the site");
   }
   std::copy_n(solved.data(), 4, plan.site_from_pixel.begin());

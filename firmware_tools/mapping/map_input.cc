@@ -50,13 +50,15 @@ std::string CountOf(int images, const char* what) {
 void TellGuesses(const Guesses& guesses, MapInput& input) {
   input.focal_is_guess = guesses.by_exif + guesses.blind > 0;
   if (guesses.by_exif > 0) {
-    input.warnings.push_back(CountOf(guesses.by_exif, " without a calibration: EXIF's focal "
-                                                      "length is the first guess"));
+    input.warnings.push_back(CountOf(guesses.by_exif,
+                                     " without a calibration: EXIF's focal "
+                                     "length is the first guess"));
   }
   if (guesses.blind > 0) {
-    input.warnings.push_back(CountOf(guesses.blind, " without a calibration or EXIF: the camera "
-                                                    "is guessed; `viewfix calibrate` makes the "
-                                                    "map better"));
+    input.warnings.push_back(CountOf(guesses.blind,
+                                     " without a calibration or EXIF: the camera "
+                                     "is guessed; `viewfix calibrate` makes the "
+                                     "map better"));
   }
 }
 

@@ -32,9 +32,9 @@ Reconstruction PointsOf(const ModelView& model, int map_idx) {
   for (std::uint32_t l = begin; l < end; ++l) {
     MapPoint& point = map.points.emplace_back();
     for (int axis = 0; axis < 3; ++axis) {
-      point.position[axis] = double{landmarks.map_origin[std::size_t(map_idx) * 3 + axis]} +
-                             double{landmarks.map_step[map_idx]} *
-                                 landmarks.position[std::size_t(l) * 3 + axis];
+      point.position[axis] =
+          double{landmarks.map_origin[std::size_t(map_idx) * 3 + axis]} +
+          double{landmarks.map_step[map_idx]} * landmarks.position[std::size_t(l) * 3 + axis];
     }
   }
   return map;
@@ -49,9 +49,8 @@ std::string NameOf(const ModelView& model, int keyframe_idx) {
 std::vector<int> KeyframesByName(const ModelView& model) {
   std::vector<int> order(model.keyframes().size);
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    return model.keyframe_name(a) < model.keyframe_name(b);
-  });
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int a, int b) { return model.keyframe_name(a) < model.keyframe_name(b); });
   return order;
 }
 

@@ -27,8 +27,9 @@ std::vector<ControlPair> PairsOf(const Reconstruction& map, const PlaceOptions& 
 Georeference FitToSite(const Reconstruction& map, const PlaceOptions& options) {
   Georeference fit = FitGeoreference(PairsOf(map, options));
   if (IsUpsideDown(map, fit.site_from_map)) {
-    throw ToolError("the control points stand the map on its head: are their z upwards, and x, y, "
-                    "z right-handed?");
+    throw ToolError(
+        "the control points stand the map on its head: are their z upwards, and x, y, "
+        "z right-handed?");
   }
   return fit;
 }

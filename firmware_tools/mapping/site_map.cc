@@ -49,8 +49,8 @@ SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates
                     const std::function<Progress(const std::string&)>& stages) {
   SiteMap site;
   if (options.source == MapSource::kPoses) {
-    site.maps.push_back(TriangulateWithPoses(input, pairs, {}, options.jobs,
-                                             Begin(stages, "triangulation")));
+    site.maps.push_back(
+        TriangulateWithPoses(input, pairs, {}, options.jobs, Begin(stages, "triangulation")));
     return site;
   }
   SfmOptions sfm;
@@ -87,16 +87,14 @@ void Place(const ImageSet& set, const SiteMapOptions& options, SiteMap& site) {
 SiteMap NoMap(const ImageSet& set, const SiteMapOptions& options) {
   if (options.controls.source.empty()) return {};
   throw ToolError(options.controls.source + ": no map to place by control points: " +
-                  set.source.string() +
-                  " needs poses and a calibration, or ask for --map colmap");
+                  set.source.string() + " needs poses and a calibration, or ask for --map colmap");
 }
 
 nlohmann::ordered_json SimilarityAsJson(const Similarity& s) {
   const Eigen::Quaterniond& q = s.rotation;
   const Eigen::Vector3d& t = s.translation;
-  return {{"scale", s.scale},
-          {"q_xyzw", {q.x(), q.y(), q.z(), q.w()}},
-          {"t", {t.x(), t.y(), t.z()}}};
+  return {
+      {"scale", s.scale}, {"q_xyzw", {q.x(), q.y(), q.z(), q.w()}}, {"t", {t.x(), t.y(), t.z()}}};
 }
 
 Similarity SimilarityOf(const nlohmann::ordered_json& json) {

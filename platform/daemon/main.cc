@@ -46,7 +46,8 @@ int Run(const DaemonOptions& options) {
   if (!bytes.ok()) return Fail(bytes.status());
   const Result<ModelView> model = ModelView::Open(*bytes);
   if (!model.ok()) return Fail(AboutFile(options.model_path, model.status()));
-  Result<Localizer> localizer = Localizer::Create(*model, {.now_ns = MonotonicNs, .window = options.window});
+  Result<Localizer> localizer =
+      Localizer::Create(*model, {.now_ns = MonotonicNs, .window = options.window});
   if (!localizer.ok()) return Fail(AboutFile(options.model_path, localizer.status()));
   Camera camera;
   if (!options.calibration_path.empty()) {

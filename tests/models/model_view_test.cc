@@ -44,6 +44,31 @@ TEST(ModelView, ReadsWhatWasWritten) {
   EXPECT_EQ(view->metric(), data.metric);
 }
 
+TEST(ModelView, ReadsMapsAndFloorPlan) {
+  ModelData data = TinyModelData();
+  EXPECT_FALSE(ModelView::Open(*WriteModel(data))->has_floor_plan());
+  AddTinyMaps(data);
+  AddTinyFloorPlan(data);
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const auto view = ModelView::Open(*file);
+  EXPECT_TRUE(view->metric(0));
+  EXPECT_FALSE(view->metric(1));
+  EXPECT_EQ(view->MapOf(20), 1);
+  EXPECT_THAT(view->floor_plan().picture, ::testing::ElementsAreArray(data.floor_plan.picture));
+  EXPECT_THAT(view->floor_plan().site_from_pixel,
+              ::testing::ElementsAreArray(data.floor_plan.site_from_pixel));
+  EXPECT_EQ(view->floor_plan().height, data.floor_plan.height);
+}
+
+TEST(ModelView, WithoutAWordOnItsMapsTheModelSpeaksForThem) {
+  ModelData data = TinyModelData();
+  AddTinyMaps(data);
+  data.map_metric.clear();
+  const auto file = WriteModel(data);
+  EXPECT_TRUE(ModelView::Open(*file)->metric(1));
+}
+
 TEST(ModelView, SameDataSameBytes) { EXPECT_EQ(TinyModel(), TinyModel()); }
 
 // A model with two small maps.
@@ -202,6 +227,8 @@ class BrokenModel : public ::testing::TestWithParam<Broken> {};
 
 TEST_P(BrokenModel, IsRefused) {
   ModelData data = TinyModelData();
+  AddTinyMaps(data);
+  AddTinyFloorPlan(data);
   ASSERT_TRUE(WriteModel(data).ok());
   GetParam().break_it(data);
   EXPECT_FALSE(WriteModel(data).ok());
@@ -238,6 +265,17 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"keyframe_word_out_of_range", [](ModelData& d) { d.keyframe_words.back() = 60000; }},
         Broken{"keyframe_count_zero", [](ModelData& d) { d.keyframe_counts[0] = 0; }},
         Broken{"keyframe_offsets", [](ModelData& d) { d.keyframe_word_begin[1] = 1000000; }},
+        Broken{"plan_is_no_picture", [](ModelData& d) { d.floor_plan.picture[0] = 0; }},
+        Broken{"plan_too_large",
+               [](ModelData& d) { d.floor_plan.picture.resize(kMaxFloorPlanBytes + 1); }},
+        Broken{"plan_without_size", [](ModelData& d) { d.floor_plan.width = 0; }},
+        Broken{"plan_alignment_nan",
+               [](ModelData& d) { d.floor_plan.site_from_pixel[2] = double{kNan}; }},
+        Broken{"plan_without_scale",
+               [](ModelData& d) { d.floor_plan.site_from_pixel = {0, 0, 1, 1}; }},
+        Broken{"map_metric_short", [](ModelData& d) { d.map_metric.pop_back(); }},
+        Broken{"rarity_short", [](ModelData& d) { d.landmark_rarity.pop_back(); }},
+        Broken{"map_step_zero", [](ModelData& d) { d.map_step[0] = 0; }},
         Broken{"pose_nan", [](ModelData& d) { d.keyframe_pose[0][0] = kNan; }},
         Broken{"pose_not_unit", [](ModelData& d) { d.keyframe_pose[0][3] = 2; }}),
     [](const auto& param) { return param.param.name; });

@@ -78,7 +78,9 @@ ModelData TinyModelData() {
 void AddTinyMaps(ModelData& data) {
   constexpr int kLandmarks = 40;
   std::mt19937 random(2);
-  const auto within = [&](int limit) { return static_cast<int>(random() % (2 * limit + 1)) - limit; };
+  const auto within = [&](int limit) {
+    return static_cast<int>(random() % (2 * limit + 1)) - limit;
+  };
   data.camera = {1, 320, 240, {300, 300, 159.5, 119.5}, {}};
   data.map_begin = {0, kLandmarks / 2, kLandmarks};
   data.map_origin = {{3, -1.5F, 3}, {3.5F, -1.5F, 3}};
@@ -100,8 +102,16 @@ void AddTinyMaps(ModelData& data) {
     for (std::uint32_t l = first; data.keyframe_has_pose[k] != 0 && l < first + 15 + k; ++l) {
       if (l < first + kLandmarks / 2) data.keyframe_landmarks.push_back(l);
     }
-    data.keyframe_landmark_begin.push_back(static_cast<std::uint32_t>(data.keyframe_landmarks.size()));
+    data.keyframe_landmark_begin.push_back(
+        static_cast<std::uint32_t>(data.keyframe_landmarks.size()));
   }
+}
+
+void AddTinyFloorPlan(ModelData& data) {
+  data.floor_plan.picture = {0x89, 'P', 'N', 'G', 0x0D, 0x0A, 0x1A, 0x0A, 0, 0};
+  data.floor_plan.width = 20;
+  data.floor_plan.height = 10;
+  data.floor_plan.site_from_pixel = {0.5, 0.25, -3, 7};
 }
 
 std::vector<std::uint8_t> TinyModel() { return OrEnd(WriteModel(TinyModelData())); }

@@ -21,4 +21,7 @@ std::vector<std::uint8_t> TinyModel();
 // keyframes that see most of them.
 void AddTinyMaps(ModelData& data);
 
+// Adds a plan of 20 x 10 pixels; no more of its picture than the beginning of a PNG.
+void AddTinyFloorPlan(ModelData& data);
+
 }  // namespace viewfix

@@ -123,6 +123,20 @@ TEST_F(LocalizerTest, OddShapesAreOutcomes) {
   }
 }
 
+TEST_F(LocalizerTest, AWindowOutOfRangeIsRefused) {
+  ModelData data = TinyModelData();
+  AddTinyMaps(data);
+  const auto file = *WriteModel(data);
+  const auto model = ModelView::Open(file);
+  ASSERT_TRUE(model.ok());
+  for (const int window : {-1, 1, 2, 9}) {
+    EXPECT_EQ(Localizer::Create(*model, {.window = window}).status().code(),
+              StatusCode::kInvalidArgument);
+  }
+  EXPECT_FALSE(Localizer::Create(*model, {.window = 5, .frame_interval_s = 0}).ok());
+  EXPECT_TRUE(Localizer::Create(*model, {.window = 5}).ok());
+}
+
 TEST_F(LocalizerTest, FeaturesThatCannotBeReproducedAreRefused) {
   ModelData data = TinyModelData();
   ++data.features.version;

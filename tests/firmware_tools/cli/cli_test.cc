@@ -41,6 +41,30 @@ class CliTest : public ::testing::Test {
  protected:
   std::string Site(int per_view = 6) { return WriteSmallSite(folder_, "site", per_view); }
   std::string Model() const { return folder_ / "site.vfx"; }
+  // The same with poses and a calibration: each view is a wall, two metres in front of a camera
+  // that moves 5 cm to the right from image to image.
+  std::string SiteWithPoses() {
+    const std::string site = Site(8);
+    folder_.Write("site/calibration.yaml",
+                  std::string_view("%YAML:1.0\n---\nimage_width: 160\nimage_height: 120\n"
+                                   "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n"
+                                   "   dt: d\n   data: [ 160, 0, 79.5, 0, 160, 59.5, 0, 0, 1 ]\n"));
+    std::string csv = "path,location,view,capture,tx,ty,tz,qx,qy,qz,qw\n";
+    int wall = 0;
+    for (const char* location : {"atrium", "bar", "cellar"}) {
+      for (const char* view : {"left", "right"}) {
+        const std::string name = std::string(location) + "-" + view;
+        for (int i = 0; i < 8; ++i) {
+          csv += Numbered(name + "-", i) + ".jpg," + location + "," + view + "," + name + "," +
+                 std::to_string(10 * wall + 0.05 * i) + ",0," + std::to_string(wall % 2 * 5) +
+                 ",0,0,0,1\n";
+        }
+        ++wall;
+      }
+    }
+    folder_.Write("site/images.csv", csv);
+    return site;
+  }
   // Training fails with one line that holds `words`, and writes nothing.
   void ExpectTrainRefuses(const std::string& set, const std::vector<std::string>& words) {
     const ProgramRun run = TrainSite(set, Model());
@@ -58,7 +82,8 @@ class CliTest : public ::testing::Test {
 
 TEST_F(CliTest, HelpAndUsage) {
   EXPECT_EQ(Viewfix({"--help"}).exit_code, 0);
-  for (const char* command : {"simulate", "check", "train", "eval", "inspect", "calibrate"}) {
+  for (const char* command : {"simulate", "check", "train", "eval", "inspect", "export",
+                              "calibrate"}) {
     const ProgramRun help = Viewfix({command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Example: viewfix"));
@@ -138,6 +163,75 @@ TEST_F(CliTest, PosesFromAnotherFile) {
   const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--poses", bad});
   EXPECT_EQ(eval.exit_code, 1);
   EXPECT_THAT(LastLine(eval), HasSubstr("bad.tum line 1"));
+}
+
+TEST_F(CliTest, AMapOnTheFloorPlan) {
+  const std::string site = SiteWithPoses();
+  const std::string control = folder_.Write(
+      "control.csv", std::string_view("name,x,y,z\natrium-left-0.jpg,100,0,7\n"
+                                      "atrium-right-0.jpg,110,5,7\nbar-left-0.jpg,120,0,7\n"
+                                      "cellar-left-0.jpg,140,0,7\ncellar-right-0.jpg,150,5,7\n"));
+  const std::string plan = folder_.Write("plan.jpg", EncodeJpeg(MakeTexture(80, 60, 9), 80, 60, 1));
+  const std::string align =
+      folder_.Write("align.csv", std::string_view("px,py,x,y\n0,0,100,10\n79,0,179,10\n"));
+  const ProgramRun train =
+      Viewfix({"train", site, "--out", Model(), "--words", "20", "--control", control,
+               "--floorplan", plan, "--floorplan-align", align});
+  ASSERT_EQ(train.exit_code, 0) << train.err;
+  EXPECT_THAT(train.err, HasSubstr("map 0: control points, median 0.000 m"));
+
+  const auto description = nlohmann::json::parse(Viewfix({"inspect", Model(), "--json"}).out);
+  EXPECT_EQ(description["maps"].size(), 1U);
+  EXPECT_EQ(description["maps"][0]["metric"], true);
+  EXPECT_GE(description["maps"][0]["extent"]["min"][0], 90);
+  EXPECT_EQ(description["camera"]["width"], 160);
+  EXPECT_EQ(description["floor_plan"]["width"], 80);
+  EXPECT_EQ(description["training"]["map"]["maps"][0]["control"]["residuals"].size(), 5U);
+  EXPECT_THAT(Viewfix({"inspect", Model()}).out, HasSubstr("floor plan 80 x 60"));
+
+  const std::string json = folder_ / "f.json";
+  const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--split", "all",
+                                   "--sequence", "--window", "3", "--json", json});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  const auto figures = nlohmann::json::parse(std::ifstream(json));
+  EXPECT_EQ(figures["sequence"], true);
+  EXPECT_GE(figures["tracked"], 0.5);
+  EXPECT_EQ(figures["frame_alone"]["sequence"], false);
+  EXPECT_EQ(figures["frame_alone"]["frames"][3]["tracked"], false);
+  EXPECT_LT(figures["pose"]["median_translation_m"], 0.05);
+  EXPECT_LT(figures["frame_alone"]["pose"]["median_translation_m"], 0.05)
+      << "compared in the frame of the set's poses";
+
+  EXPECT_EQ(Viewfix({"export", Model(), "--format", "tum", "--out", folder_ / "m.tum"}).exit_code,
+            0);
+  EXPECT_TRUE(std::filesystem::exists(folder_ / "m.tum"));
+}
+
+TEST_F(CliTest, ControlsThatCannotBeUsed) {
+  const std::string site = Site();
+  const std::string control =
+      folder_.Write("control.csv", std::string_view("name,x,y,z\nbar-left-0.jpg,1,2,3\n"));
+  const ProgramRun none = Viewfix({"train", site, "--out", Model(), "--control", control});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_THAT(LastLine(none), HasSubstr("control.csv: no map to place by control points"));
+  const ProgramRun one = Viewfix({"train", SiteWithPoses(), "--out", Model(), "--words", "20",
+                                  "--control", control});
+  EXPECT_EQ(one.exit_code, 1);
+  EXPECT_THAT(LastLine(one), HasSubstr("control.csv: three control points are needed"));
+  EXPECT_EQ(Viewfix({"train", site, "--out", Model(), "--floorplan", control}).exit_code, 2)
+      << "without --floorplan-align";
+  const ProgramRun absent =
+      Viewfix({"train", site, "--out", Model(), "--tags", folder_ / "absent.csv"});
+  EXPECT_EQ(absent.exit_code, 1);
+  EXPECT_THAT(absent.err, Not(HasSubstr("features"))) << "said before any work";
+}
+
+TEST_F(CliTest, ExportOfAModelWithoutAMap) {
+  ASSERT_EQ(TrainSite(Site(), Model()).exit_code, 0);
+  const ProgramRun run = Viewfix({"export", Model(), "--format", "ply", "--out", folder_ / "m.ply"});
+  EXPECT_EQ(run.exit_code, 1);
+  EXPECT_THAT(LastLine(run), HasSubstr("site.vfx: the model has no landmarks"));
+  EXPECT_EQ(Viewfix({"export", Model(), "--format", "obj", "--out", "x"}).exit_code, 2);
 }
 
 TEST_F(CliTest, CalibratePrintsTheBoardAndRefusesOtherPictures) {

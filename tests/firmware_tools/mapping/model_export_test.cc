@@ -92,8 +92,8 @@ TEST_F(ModelExportTest, ColmapReadsIt) {
   if (std::string(COLMAP).empty()) GTEST_SKIP() << "colmap is not installed";
   Open(1);
   const auto folder = ExportModel(model_, ExportFormat::kColmap, folder_ / "map")[0];
-  const ProgramRun run = RunProgram({"/bin/sh", "-c", "\"$0\" model_analyzer --path \"$1\" 2>&1",
-                                     COLMAP, folder.string()});
+  const ProgramRun run = RunProgram(
+      {"/bin/sh", "-c", "\"$0\" model_analyzer --path \"$1\" 2>&1", COLMAP, folder.string()});
   EXPECT_EQ(run.exit_code, 0) << run.out;
   EXPECT_THAT(run.out, HasSubstr("Images: 4"));
   EXPECT_THAT(run.out, HasSubstr("Points: 40"));

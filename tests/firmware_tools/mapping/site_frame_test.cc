@@ -20,7 +20,9 @@ Similarity SiteFromMap() {
   return site_from_map;
 }
 
-Eigen::Vector3d CentreOf(const MapImage& image) { return Inverse(image.cam_from_world).translation; }
+Eigen::Vector3d CentreOf(const MapImage& image) {
+  return Inverse(image.cam_from_world).translation;
+}
 
 // The first `count` cameras of a map, at their places on the site.
 SiteControls ControlsOf(const Reconstruction& map, int count) {
@@ -44,7 +46,8 @@ double LargestPixelError(const Reconstruction& map) {
     for (const Observation& o : point.track) {
       const MapImage& image = map.images[o.image_idx];
       Eigen::Vector2d pixel;
-      EXPECT_TRUE(map.cameras[image.camera_idx].Project(image.cam_from_world * point.position, pixel));
+      EXPECT_TRUE(
+          map.cameras[image.camera_idx].Project(image.cam_from_world * point.position, pixel));
       largest = std::max(largest, (pixel - image.keypoints[o.feature_idx]).norm());
     }
   }
@@ -60,7 +63,8 @@ TEST(PlaceMaps, ControlsGiveMetresAndKeepPixels) {
   EXPECT_LT(report.placements[0].fit->median_metres, 1e-9);
   EXPECT_THAT(report.notes[0], HasSubstr("walk/a.jpg 0.00 m"));
   for (std::size_t i = 0; i < truth.images.size(); ++i) {
-    EXPECT_LT((CentreOf(maps[0].images[i]) - SiteFromMap() * CentreOf(truth.images[i])).norm(), 1e-9);
+    EXPECT_LT((CentreOf(maps[0].images[i]) - SiteFromMap() * CentreOf(truth.images[i])).norm(),
+              1e-9);
   }
   EXPECT_LT(LargestPixelError(maps[0]), 1e-6);
 }
@@ -90,8 +94,7 @@ TEST(PlaceMaps, OthersStayFreeAndAreLevelled) {
   for (MapImage& image : maps[1].images) image.name = "other/" + image.name.substr(5);
   Tilt(maps[1], 0.4);
   const SiteControls controls = ControlsOf(maps[0], 5);
-  const PlaceReport report =
-      PlaceMaps(maps, {.controls = controls, .folder = {}, .level = true});
+  const PlaceReport report = PlaceMaps(maps, {.controls = controls, .folder = {}, .level = true});
   EXPECT_TRUE(report.placements[0].metric);
   EXPECT_FALSE(report.placements[1].metric);
   EXPECT_TRUE(report.placements[1].levelled);
@@ -123,7 +126,8 @@ TEST(PlaceMaps, WhatCannotBeLevelledIsSaid) {
 TEST(PlaceMaps, GivenPosesStayAsTheyAre) {
   const Reconstruction truth = SyntheticMap(4);
   std::vector<Reconstruction> maps = {truth};
-  const PlaceReport report = PlaceMaps(maps, {.controls = {}, .folder = {}, .given_is_metric = true});
+  const PlaceReport report =
+      PlaceMaps(maps, {.controls = {}, .folder = {}, .given_is_metric = true});
   EXPECT_TRUE(report.placements[0].metric);
   EXPECT_EQ(maps[0].points[7].position, truth.points[7].position);
 }

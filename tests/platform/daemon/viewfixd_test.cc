@@ -109,6 +109,14 @@ TEST_F(ViewfixdTest, RotateTurnsFramesClockwise) {
   }
 }
 
+TEST_F(ViewfixdTest, AWindowTakesThreeToEightFrames) {
+  EXPECT_EQ(Replay({"--window", "5"}).exit_code, 0);
+  EXPECT_EQ(Replay({"--window", "0"}).exit_code, 0);
+  for (const char* window : {"2", "9", "-1", "5x", ""}) {
+    ExpectOneLine(Replay({"--window", window}), 2, "--window");
+  }
+}
+
 TEST_F(ViewfixdTest, AnUnreadableFrameIsNamedCountedAndPassedOver) {
   folder_.Write("walk/1.jpg", "no JPEG");
   const ProgramRun run = Replay();
