@@ -350,6 +350,9 @@ void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequen
 void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const {
   fix.localized = false;
   fix.has_pose = false;
+  fix.map_idx = -1;
+  fix.world_from_cam = {};
+  fix.covariance.setZero();
   fix.reasons |= kAmbiguous;
   fix.confidence = std::min(fix.confidence, 0.5F);
   const int rival =

@@ -39,12 +39,12 @@ std::int32_t SquaredDistance(const std::int8_t* a, const std::int8_t* b, int dim
   return sum;
 }
 
-// How unlike two views are: squared metres, and a square metre for every 30 degrees or so
-// between the optical axes.
-double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b) {
+// How unlike two views are: the squared distance in units of `pace`, and one more for every 30
+// degrees or so between the optical axes.
+double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b, double pace) {
   const Eigen::Vector3d axis_a = world_from_a.rotation * Eigen::Vector3d::UnitZ();
   const Eigen::Vector3d axis_b = world_from_b.rotation * Eigen::Vector3d::UnitZ();
-  return (world_from_a.translation - world_from_b.translation).squaredNorm() +
+  return (world_from_a.translation - world_from_b.translation).squaredNorm() / (pace * pace) +
          8 * (1 - axis_a.dot(axis_b));
 }
 
@@ -87,9 +87,12 @@ struct PoseFinder::State {
     used.reserve(features);
     ranked.reserve(keyframes.size);
     IndexKeyframes();
+    MeasurePaces();
   }
 
   void IndexKeyframes();
+  void MeasurePaces();
+  double PaceOf(int map) const { return paces[map]; }
   Eigen::Vector3d Position(std::uint32_t landmark) const;
   Rigid3 KeyframePose(int k) const;
   float RarityOf(std::uint32_t landmark) const;
@@ -129,6 +132,7 @@ struct PoseFinder::State {
   // Keyframes that see a landmark: seen_by[seen_by_begin[l] .. seen_by_begin[l + 1]).
   std::vector<std::uint32_t> seen_by_begin;
   std::vector<std::uint32_t> seen_by;
+  std::vector<double> paces;  // [maps] a step in it: a metre or so, whatever its unit
 
   std::vector<std::uint32_t> candidates;         // landmarks to be matched, each once
   std::vector<std::uint32_t> stamp_of_landmark;  // == stamp: is a candidate
@@ -157,6 +161,24 @@ void PoseFinder::State::IndexKeyframes() {
   std::vector<std::uint32_t> next(seen_by_begin.begin(), seen_by_begin.end() - 1);
   for (int k = 0; k < keyframes.size; ++k) {
     for (const std::uint32_t l : LandmarksOf(k)) seen_by[next[l]++] = static_cast<std::uint32_t>(k);
+  }
+}
+
+// A quarter of the mean distance from keyframes to what they see: a map's unit may be anything.
+void PoseFinder::State::MeasurePaces() {
+  paces.assign(landmarks.num_maps, 0);
+  std::vector<double> observations(landmarks.num_maps, 0);
+  for (int k = 0; k < keyframes.size; ++k) {
+    const Eigen::Vector3d position = KeyframePose(k).translation;
+    for (const std::uint32_t l : LandmarksOf(k)) {
+      const int map = model.MapOf(l);
+      paces[map] += (Position(l) - position).norm();
+      ++observations[map];
+    }
+  }
+  for (int map = 0; map < landmarks.num_maps; ++map) {
+    const bool measured = observations[map] > 0 && paces[map] > 0;
+    paces[map] = measured ? paces[map] / (4 * observations[map]) : 1;
   }
 }
 
@@ -300,7 +322,7 @@ void PoseFinder::State::GatherNear(int map, const Rigid3& cam_from_world) {
   for (int k = 0; k < keyframes.size; ++k) {
     const auto seen = LandmarksOf(k);
     if (seen.empty() || model.MapOf(seen.front()) != map) continue;
-    const double unlike = Unlike(world_from_cam, KeyframePose(k));
+    const double unlike = Unlike(world_from_cam, KeyframePose(k), PaceOf(map));
     if (unlike < kNoView) ranked.emplace_back(unlike, k);  // numbers that are none are in no order
   }
   std::sort(ranked.begin(), ranked.end());
@@ -381,10 +403,11 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   GatherCovisible();
   if (ranked.empty()) return;
   const Rigid3 world_from_cam = Inverse(found.pose.cam_from_world);
+  const double pace = PaceOf(model.MapOf(LandmarksOf(ranked.front().second).front()));
   const auto end = ranked.begin() + std::min<std::ptrdiff_t>(kNeighbours, std::ssize(ranked));
   const auto nearest = std::min_element(ranked.begin(), end, [&](const auto& a, const auto& b) {
-    return Unlike(world_from_cam, KeyframePose(a.second)) <
-           Unlike(world_from_cam, KeyframePose(b.second));
+    return Unlike(world_from_cam, KeyframePose(a.second), pace) <
+           Unlike(world_from_cam, KeyframePose(b.second), pace);
   });
   found.keyframe_idx = nearest->second;
   found.map_idx = model.MapOf(LandmarksOf(found.keyframe_idx).front());
@@ -452,7 +475,8 @@ FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) co
   const bool elsewhere =
       other.evidence > 0 &&
       (other.map_idx != better.map_idx ||
-       Unlike(Inverse(other.pose.cam_from_world), Inverse(better.pose.cam_from_world)) > 1);
+       Unlike(Inverse(other.pose.cam_from_world), Inverse(better.pose.cam_from_world),
+              PaceOf(better.map_idx)) > 1);
   const auto take = [&](float evidence, int keyframe) {
     if (evidence <= better.rival_evidence) return;
     better.rival_evidence = evidence;

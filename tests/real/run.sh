@@ -23,18 +23,26 @@ train_and_eval() {
   "$VIEWFIX" eval "$set" --model "$OUT/$name.vfx" --json "$OUT/$name.json"
 }
 
-# at_least NAME JSON_PATH FLOOR: fails the script where a figure is lower.
-at_least() {
-  python3 - "$OUT/$1.json" "$2" "$3" <<'PY'
+# compare NAME JSON_PATH least|most LIMIT: fails the script where a figure is beyond it.
+compare() {
+  python3 - "$OUT/$1.json" "$2" "$3" "$4" <<'PY'
 import json, sys
-path, key, floor = sys.argv[1:]
+path, keys, way, limit = sys.argv[1:]
 value = json.load(open(path))
-for part in key.split("."):
-    value = value[int(part)] if part.isdigit() and isinstance(value, list) else value[part]
-print(f"{key} = {value:.4f}, at least {floor} wanted")
-sys.exit(value < float(floor))
+while keys:  # names hold dots themselves: the longest that there is
+    parts = keys.split(".")
+    for n in range(len(parts), 0, -1):
+        key = ".".join(parts[:n])
+        if isinstance(value, list) or key in value:
+            break
+    value = value[int(key)] if isinstance(value, list) else value[key]
+    keys = ".".join(parts[n:])
+print(f"{sys.argv[2]} = {value:.6g}, at {way} {limit} wanted")
+sys.exit(value < float(limit) if way == "least" else value > float(limit))
 PY
 }
+at_least() { compare "$1" "$2" least "$3"; }
+at_most() { compare "$1" "$2" most "$3"; }
 
 check_hololens() {
   step "hololens: locations and views from poses; the same bytes twice"
@@ -42,6 +50,8 @@ check_hololens() {
   "$VIEWFIX" train "$DATA/hololens" --out "$OUT/hololens-again.vfx" --jobs 1 > "$OUT/again.log" 2>&1
   cmp "$OUT/hololens.vfx" "$OUT/hololens-again.vfx"
   at_least hololens retrieval.within_1m_30deg 0.95
+  at_least hololens pose.recall.0.05m_5deg 0.96
+  at_most hololens model_bytes 3000000
 }
 
 check_ie_tower() {
