@@ -253,6 +253,7 @@ TEST(AddMapToModel, KeyframesOfTwoMaps) {
   SiteMap site = scene.Map({0, 1, 2, 3, 4, 5, 6, 7});
   const SiteMap second = scene.Map({8, 9, 10, 11, 12, 13});
   site.maps.push_back(second.maps[0]);
+  site.placements.push_back(second.placements[0]);
   site.metric = false;
   ModelData model = TinyModelData();
   const std::vector<int> keyframes = {0, 2, 4, 6, 8, 10, 12, 13};
@@ -275,7 +276,9 @@ TEST(AddMapToModel, AMapWithoutStablePointsIsEmpty) {
   scene.Add(SyntheticScene({.num_frames = 8, .num_points = 300, .seed = 1}), "a");
   scene.Add(SyntheticScene({.num_frames = 6, .num_points = 200, .seed = 2}), "b");
   SiteMap site = scene.Map({0, 1, 2, 3, 4, 5, 6, 7});
-  site.maps.push_back(scene.Map({8, 9, 10, 11, 12, 13}).maps[0]);
+  const SiteMap second = scene.Map({8, 9, 10, 11, 12, 13});
+  site.maps.push_back(second.maps[0]);
+  site.placements.push_back(second.placements[0]);
   for (MapPoint& point : site.maps[1].points) point.error_px = 100;
   ModelData model = TinyModelData();
   AddMapToModel(site, scene.set, scene.features, kKeyframeImages, {}, model);
