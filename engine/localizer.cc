@@ -201,13 +201,13 @@ struct Localizer::State {
   Retrieval retrieval;
   std::vector<float> keyframe_similarities;
   Camera model_camera;
-  std::optional<PoseFinder> pose_finder;  // where the model has landmarks
+  std::optional<PoseFinder> pose_finder;       // where the model has landmarks
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
-  std::vector<int> proposed_of_location;       // [locations]
-  std::vector<int> proposed_of_pair;           // [pairs]
-  std::optional<WindowAdjuster> window;        // where asked for
-  int window_map = -1;                         // that its frames are in
+  std::vector<int> proposed_of_location;  // [locations]
+  std::vector<int> proposed_of_pair;      // [pairs]
+  std::optional<WindowAdjuster> window;   // where asked for
+  int window_map = -1;                    // that its frames are in
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
@@ -268,8 +268,8 @@ void Localizer::State::FindRivals(Fix& fix) const {
 
 void Localizer::State::Decide(Fix& fix) const {
   const ModelConfidence& curve = model.confidence();
-  fix.confidence =
-      static_cast<float>(1.0 / (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * fix.margin))));
+  fix.confidence = static_cast<float>(
+      1.0 / (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * fix.margin))));
   fix.localized = fix.confidence >= curve.threshold;
   if (!fix.localized) fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
 }
@@ -355,8 +355,7 @@ void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const
   fix.covariance.setZero();
   fix.reasons |= kAmbiguous;
   fix.confidence = std::min(fix.confidence, 0.5F);
-  const int rival =
-      model.scoring().pair_location[model.keyframes().pair[found.rival_keyframe_idx]];
+  const int rival = model.scoring().pair_location[model.keyframes().pair[found.rival_keyframe_idx]];
   if (rival != fix.location_idx) {
     fix.num_rivals = 1;
     fix.rivals[0] = rival;
@@ -366,8 +365,8 @@ void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const
 // Whether the frame was found where it was expected.
 bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   if (!pose_finder || prior.cam_from_world == nullptr) return false;
-  const FoundPose found = pose_finder->FindNear(features, camera, refine_focal, prior.map_idx,
-                                                *prior.cam_from_world);
+  const FoundPose found =
+      pose_finder->FindNear(features, camera, refine_focal, prior.map_idx, *prior.cam_from_world);
   if (!found.found) return false;
   ClearScores();
   TakePose(found, fix);
@@ -379,8 +378,7 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
 // What the landmarks say decides. Where the guess is a place without landmarks, the scores'
 // word stands.
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
-  const FoundPose found =
-      pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
+  const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   if (found.found) {
     TakePose(found, fix);
     fix.reasons = 0;
@@ -397,8 +395,8 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
   const auto& begin = model.keyframes().landmark_begin;
-  const bool has_landmarks = fix.keyframe_idx >= 0 &&
-                             begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
+  const bool has_landmarks =
+      fix.keyframe_idx >= 0 && begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
   if (!has_landmarks) return;
   fix.localized = false;
   fix.reasons |= kLowInliers;

@@ -53,20 +53,20 @@ struct Fix {
   // Where the camera stands; only if this very frame was localized against landmarks.
   bool has_pose = false;
   bool tracked = false;  // found where Prior said; such a frame is not scored
-  int map_idx = -1;  // of the model's maps; each has its own frame of reference
+  int map_idx = -1;      // of the model's maps; each has its own frame of reference
   Rigid3 world_from_cam = {};
   // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  int num_inliers = 0;        // landmarks that agree with the pose
+  int num_inliers = 0;  // landmarks that agree with the pose
   // What they say, each weighed by its rarity; what would be said if all landmarks in sight of
   // the pose were found; and what speaks for the best pose elsewhere (pose/pose_finder.h).
   float evidence = 0;
   float expected_evidence = 0;
   float rival_evidence = 0;
-  float score = 0;        // f_{l,t}(x) of the best pair, eq. (5) of method.md
-  float margin = 0;       // location's score, keyframes counted in, less the best other's; below
-                          // zero where landmarks overrule the scores
-  int num_rivals = 0;     // other locations close to the best, best first
+  float score = 0;     // f_{l,t}(x) of the best pair, eq. (5) of method.md
+  float margin = 0;    // location's score, keyframes counted in, less the best other's; below
+                       // zero where landmarks overrule the scores
+  int num_rivals = 0;  // other locations close to the best, best first
   int rivals[kMaxRivals] = {};
   int num_features = 0;
   StageTimes ms = {};

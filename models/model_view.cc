@@ -27,7 +27,8 @@ T ReadLittleEndian(const std::uint8_t* bytes) {
 
 template <typename T>
 std::span<const T> Span(const flatbuffers::Vector<T>* vector) {
-  return vector == nullptr ? std::span<const T>() : std::span<const T>(vector->data(), vector->size());
+  return vector == nullptr ? std::span<const T>()
+                           : std::span<const T>(vector->data(), vector->size());
 }
 
 template <typename T>
@@ -209,8 +210,8 @@ Status ModelView::LoadScoring() {
   int next_location = 0;  // pairs go through all locations in order, views ascending in each
   for (std::size_t p = 0; p < pairs; ++p) {
     const bool first = p == 0 || g.pair_location[p] != g.pair_location[p - 1];
-    const bool in_order = first ? g.pair_location[p] == next_location++
-                                : g.pair_view[p] > g.pair_view[p - 1];
+    const bool in_order =
+        first ? g.pair_location[p] == next_location++ : g.pair_view[p] > g.pair_view[p - 1];
     if (!in_order || g.pair_view[p] >= g.num_views) {
       return Corrupt("model's (location, view) pairs are broken");
     }
@@ -230,9 +231,9 @@ Status ModelView::LoadConfidence() {
 Status ModelView::LoadKeyframes() {
   const fb::Keyframes* f = Root(bytes_)->keyframes();
   const std::size_t size = Span(f->pair()).size();
-  keyframes_ = {static_cast<int>(size), Span(f->pair()),     Span(f->word_begin()), Span(f->words()),
-                Span(f->counts()),      Span(f->has_pose()), Span(f->pose()),
-                Span(f->landmark_begin()), Span(f->landmarks())};
+  keyframes_ = {static_cast<int>(size), Span(f->pair()),           Span(f->word_begin()),
+                Span(f->words()),       Span(f->counts()),         Span(f->has_pose()),
+                Span(f->pose()),        Span(f->landmark_begin()), Span(f->landmarks())};
   const ModelKeyframes& k = keyframes_;
   const bool sizes = k.word_begin.size() == size + 1 && k.counts.size() == k.words.size() &&
                      k.has_pose.size() == size && k.pose.size() == size * 7;
@@ -264,8 +265,7 @@ Status ModelView::LoadCamera() {
   const bool valid = camera_.width >= 1 && camera_.height >= 1 && camera_.intrinsics.size() == 4 &&
                      camera_.distortion.size() == 8 && camera_.model >= 1 && camera_.model <= 3 &&
                      AllFinite(camera_.intrinsics) && AllFinite(camera_.distortion) &&
-                     camera_.intrinsics[0] > 0 &&
-                     camera_.intrinsics[1] > 0;
+                     camera_.intrinsics[0] > 0 && camera_.intrinsics[1] > 0;
   return valid ? Status() : Corrupt("model's camera is out of range");
 }
 
@@ -274,17 +274,10 @@ Status ModelView::LoadLandmarks() {
   if (l == nullptr) return {};
   const std::size_t size = Span(l->laplacian_sign()).size();
   const std::size_t maps = Span(l->map_step()).size();
-  landmarks_ = {static_cast<int>(size),
-                static_cast<int>(maps),
-                Span(l->map_begin()),
-                Span(l->map_origin()),
-                Span(l->map_step()),
-                Span(l->position()),
-                Span(l->descriptors()),
-                Span(l->laplacian_sign()),
-                Span(l->rarity()),
-                l->pixel_sigma(),
-                Span(l->map_metric())};
+  landmarks_ = {static_cast<int>(size), static_cast<int>(maps),    Span(l->map_begin()),
+                Span(l->map_origin()),  Span(l->map_step()),       Span(l->position()),
+                Span(l->descriptors()), Span(l->laplacian_sign()), Span(l->rarity()),
+                l->pixel_sigma(),       Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&

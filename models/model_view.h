@@ -75,8 +75,8 @@ struct ModelKeyframes {
   std::span<const std::uint32_t> word_begin;  // [size + 1]
   std::span<const std::uint16_t> words;
   std::span<const std::uint8_t> counts;
-  std::span<const std::uint8_t> has_pose;     // [size]
-  std::span<const float> pose;                // [size, 7] tx ty tz qx qy qz qw
+  std::span<const std::uint8_t> has_pose;         // [size]
+  std::span<const float> pose;                    // [size, 7] tx ty tz qx qy qz qw
   std::span<const std::uint32_t> landmark_begin;  // [size + 1]; empty where no landmarks are
   std::span<const std::uint32_t> landmarks;
 };
@@ -92,21 +92,21 @@ struct ModelCamera {
 struct ModelLandmarks {
   int size = 0;
   int num_maps = 0;
-  std::span<const std::uint32_t> map_begin;      // [maps + 1]
-  std::span<const float> map_origin;             // [maps, 3]
-  std::span<const float> map_step;               // [maps]
-  std::span<const std::int16_t> position;        // [size, 3]
-  std::span<const std::int8_t> descriptors;      // [size, dim]
-  std::span<const std::int8_t> laplacian_sign;   // [size]
-  std::span<const std::uint8_t> rarity;          // [size]
+  std::span<const std::uint32_t> map_begin;     // [maps + 1]
+  std::span<const float> map_origin;            // [maps, 3]
+  std::span<const float> map_step;              // [maps]
+  std::span<const std::int16_t> position;       // [size, 3]
+  std::span<const std::int8_t> descriptors;     // [size, dim]
+  std::span<const std::int8_t> laplacian_sign;  // [size]
+  std::span<const std::uint8_t> rarity;         // [size]
   float pixel_sigma = 1;
-  std::span<const std::uint8_t> map_metric;      // [maps] 0 or 1; empty: all as the model
+  std::span<const std::uint8_t> map_metric;  // [maps] 0 or 1; empty: all as the model
 };
 
 // x = a px + b py + tx, y = b px - a py + ty, metres.
 struct ModelFloorPlan {
-  std::span<const std::uint8_t> picture;    // a PNG or JPEG file; empty: none
-  int width = 0;                            // pixels
+  std::span<const std::uint8_t> picture;  // a PNG or JPEG file; empty: none
+  int width = 0;                          // pixels
   int height = 0;
   std::span<const double> site_from_pixel;  // [4] a b tx ty
 };

@@ -55,10 +55,10 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
       fb::CreateFeatures(b, f.type, f.version, static_cast<std::uint16_t>(f.max_image_side),
                          static_cast<std::uint16_t>(f.max_features), f.upright, f.threshold,
                          static_cast<std::uint16_t>(f.descriptor_dim));
-  const auto vocabulary = fb::CreateVocabulary(
-      b, static_cast<std::uint32_t>(d.words.size() / dim),
-      static_cast<std::uint16_t>(f.descriptor_dim), b.CreateVector(d.words),
-      static_cast<std::uint8_t>(d.words_per_feature));
+  const auto vocabulary =
+      fb::CreateVocabulary(b, static_cast<std::uint32_t>(d.words.size() / dim),
+                           static_cast<std::uint16_t>(f.descriptor_dim), b.CreateVector(d.words),
+                           static_cast<std::uint8_t>(d.words_per_feature));
   const auto locations = b.CreateVectorOfStrings(d.locations);
   const auto views = b.CreateVectorOfStrings(d.views);
   const auto pair_location = b.CreateVector(d.pair_location);
@@ -66,10 +66,9 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto bias = b.CreateVector(d.bias);
   const auto weight_scale = b.CreateVector(d.weight_scale);
   const auto weights = b.CreateVector(d.weights);
-  const auto scoring =
-      fb::CreateScoring(b, static_cast<std::uint8_t>(d.histogram_map),
-                        static_cast<std::uint8_t>(d.location_rule), locations, views,
-                        pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
+  const auto scoring = fb::CreateScoring(
+      b, static_cast<std::uint8_t>(d.histogram_map), static_cast<std::uint8_t>(d.location_rule),
+      locations, views, pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
   const auto confidence =
       fb::CreateConfidence(b, d.confidence.offset, d.confidence.slope, d.confidence.threshold);
   const auto pair = b.CreateVector(d.keyframe_pair);

@@ -5,31 +5,13 @@
 #include <array>
 #include <cmath>
 
+#include "engine/matching/dot_block.h"
+
 namespace viewfix {
 namespace {
 
-// What is loaded serves several dot products: 4 sums fill the registers, 8 queries stay in
-// the first cache.
-constexpr int kCandidateBlock = 4;
-constexpr int kQueryBlock = 8;
-constexpr int kMaxDim = 128;
-
-using Sums = std::array<std::int32_t, kCandidateBlock>;
-
-// query'c for the candidates of a block. kDim: the dimension where the compiler knows it and
-// needs no loop; 0: `dim` says.
-template <int kDim>
-Sums DotBlock(const std::int16_t* query, const std::int16_t* candidates, int dim) {
-  const int n = kDim > 0 ? kDim : dim;
-  std::int32_t sum0 = 0, sum1 = 0, sum2 = 0, sum3 = 0;
-  for (int i = 0; i < n; ++i) {
-    sum0 += std::int32_t{query[i]} * candidates[i];
-    sum1 += std::int32_t{query[i]} * candidates[n + i];
-    sum2 += std::int32_t{query[i]} * candidates[2 * n + i];
-    sum3 += std::int32_t{query[i]} * candidates[3 * n + i];
-  }
-  return {sum0, sum1, sum2, sum3};
-}
+constexpr int kCandidateBlock = kDotRows;
+constexpr int kQueryBlock = 8;  // these stay in the first cache
 
 // Rows of one sign on either side.
 struct Rows {
@@ -58,7 +40,7 @@ void CompareRows(const Rows& queries, const Rows& candidates, int dim, NearestTw
     for (int c = candidates.begin; c < candidates.end; c += kCandidateBlock) {
       const std::int16_t* rows = candidates.rows + std::size_t(c) * dim;
       for (int q = block; q < block + kQueryBlock; ++q) {
-        const Sums sums = DotBlock<kDim>(queries.rows + std::size_t(q) * dim, rows, dim);
+        const auto sums = DotBlock<kDim>(queries.rows + std::size_t(q) * dim, rows, dim);
         for (int i = 0; i < kCandidateBlock; ++i) {
           const std::int32_t distance2 = queries.norm2[q] + candidates.norm2[c + i] - 2 * sums[i];
           Update(nearest[q], distance2, candidates.idx[c + i]);
@@ -123,7 +105,7 @@ DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int di
       best_of_candidate_(max_candidates) {}
 
 Status DescriptorMatcher::Check(const DescriptorSet& set, int capacity) const {
-  if (dim_ < 1 || dim_ > kMaxDim) {
+  if (dim_ < 1 || dim_ > kMaxDescriptorDim) {
     return {StatusCode::kInvalidArgument, "descriptors have 1..128 dimensions"};
   }
   const std::size_t n = set.descriptors.size() / dim_;

@@ -140,8 +140,8 @@ struct PoseFinder::State {
   std::vector<std::int8_t> descriptors;  // of the candidates
   std::vector<std::int8_t> signs;
   std::vector<std::int8_t> feature_signs;
-  std::vector<std::uint8_t> tried;  // [keyframes] in this frame
-  std::vector<int> votes;           // [keyframes] landmarks shared with the matches
+  std::vector<std::uint8_t> tried;             // [keyframes] in this frame
+  std::vector<int> votes;                      // [keyframes] landmarks shared with the matches
   std::vector<std::pair<double, int>> ranked;  // keyframes
 
   std::vector<DescriptorMatch> descriptor_matches;
@@ -248,8 +248,7 @@ bool PoseFinder::State::AddCandidatesOf(int k) {
 
 // The first keyframe not tried yet, and those after it that see the same landmarks. Null: all
 // have been tried.
-const ProposedKeyframe* PoseFinder::State::GatherGroup(
-    std::span<const ProposedKeyframe> proposed) {
+const ProposedKeyframe* PoseFinder::State::GatherGroup(std::span<const ProposedKeyframe> proposed) {
   ClearCandidates();
   const ProposedKeyframe* first = nullptr;
   for (const ProposedKeyframe& p : proposed) {
@@ -472,11 +471,10 @@ FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) co
   const bool a_first = a.evidence >= b.evidence;
   FoundPose better = a_first ? a : b;
   const FoundPose& other = a_first ? b : a;
-  const bool elsewhere =
-      other.evidence > 0 &&
-      (other.map_idx != better.map_idx ||
-       Unlike(Inverse(other.pose.cam_from_world), Inverse(better.pose.cam_from_world),
-              PaceOf(better.map_idx)) > 1);
+  const bool elsewhere = other.evidence > 0 &&
+                         (other.map_idx != better.map_idx ||
+                          Unlike(Inverse(other.pose.cam_from_world),
+                                 Inverse(better.pose.cam_from_world), PaceOf(better.map_idx)) > 1);
   const auto take = [&](float evidence, int keyframe) {
     if (evidence <= better.rival_evidence) return;
     better.rival_evidence = evidence;
@@ -534,8 +532,8 @@ FoundPose PoseFinder::FindNear(const FeatureSet& features, const Camera& camera,
   s.GatherNear(map_idx, cam_from_world);
   RefinedPose start;
   start.cam_from_world = cam_from_world;
-  FoundPose found = s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px,
-                           false);
+  FoundPose found =
+      s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px, false);
   found.found = s.Convincing(found, 2 * s.options.min_inliers);
   if (found.found) s.KeepInliers();
   return found;

@@ -59,8 +59,8 @@ struct FoundPose {
   // Of the best pose elsewhere that was tried, of a look-alike place say.
   float rival_evidence = 0;
   int rival_keyframe_idx = -1;
-  RefinedPose pose;       // camera from the map's frame of reference
-  Camera camera;          // that it is the pose of: the focal length refined, if it was a guess
+  RefinedPose pose;  // camera from the map's frame of reference
+  Camera camera;     // that it is the pose of: the focal length refined, if it was a guess
 };
 
 // Where a camera stands among a model's landmarks: matches the frame's features with the

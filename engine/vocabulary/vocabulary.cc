@@ -7,31 +7,13 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/matching/dot_block.h"
+
 namespace viewfix {
 namespace {
 
-// Words and descriptors are compared in blocks, so that what is loaded serves several dot
-// products: 4 sums fill the registers, 8 descriptors stay in the first cache.
-constexpr int kWordBlock = 4;
-constexpr int kDescriptorBlock = 8;
-constexpr int kMaxDim = 128;
-
-using WordSums = std::array<std::int32_t, kWordBlock>;
-
-// descriptor'c for the words of a block. kDim: the dimension where it is known to the
-// compiler, which then needs no loop; 0: `dim` says.
-template <int kDim>
-WordSums DotBlock(const std::int16_t* descriptor, const std::int16_t* words, int dim) {
-  const int n = kDim > 0 ? kDim : dim;
-  std::int32_t sum0 = 0, sum1 = 0, sum2 = 0, sum3 = 0;
-  for (int i = 0; i < n; ++i) {
-    sum0 += std::int32_t{descriptor[i]} * words[i];
-    sum1 += std::int32_t{descriptor[i]} * words[n + i];
-    sum2 += std::int32_t{descriptor[i]} * words[2 * n + i];
-    sum3 += std::int32_t{descriptor[i]} * words[3 * n + i];
-  }
-  return {sum0, sum1, sum2, sum3};
-}
+constexpr int kWordBlock = kDotRows;
+constexpr int kDescriptorBlock = 8;  // these stay in the first cache
 
 // The most similar words of one descriptor so far, best first.
 struct Ranking {
@@ -61,7 +43,7 @@ void FindNearest(const std::int16_t* descriptors, int n, const std::int16_t* wor
   for (int block = 0; block < size; block += kWordBlock) {
     const std::int16_t* block_words = words + std::size_t(block) * dim;
     for (int i = 0; i < n; ++i) {
-      const WordSums sums = DotBlock<kDim>(descriptors + i * dim, block_words, dim);
+      const auto sums = DotBlock<kDim>(descriptors + i * dim, block_words, dim);
       for (int w = 0; w < kWordBlock; ++w) {
         const std::int32_t similarity = 2 * sums[w] - norm2[block + w];
         if (similarity <= rankings[i].similarity[ranks - 1]) continue;
@@ -89,9 +71,9 @@ Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim)
 
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
-  std::array<std::int16_t, kDescriptorBlock * kMaxDim> widened;
+  std::array<std::int16_t, kDescriptorBlock * kMaxDescriptorDim> widened;
   std::array<Ranking, kDescriptorBlock> rankings;
-  assert(dim_ <= kMaxDim && words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
+  assert(dim_ <= kMaxDescriptorDim && words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
   const auto find = dim_ == 64 ? FindNearest<64> : dim_ == 128 ? FindNearest<128> : FindNearest<0>;
   const std::size_t size = descriptors.size() / dim_;
   auto out = words_out.begin();

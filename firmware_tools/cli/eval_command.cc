@@ -88,10 +88,9 @@ void PrintFigures(const nlohmann::ordered_json& f) {
   std::printf("score alone         %s  (location by eq. (5) alone)\n",
               Percents(f["score_alone"]["by_level"]).c_str());
   const auto& retrieval = f["retrieval"];
-  std::printf("right among best    1: %s, 5: %s, 20: %s\n",
-              Percent(retrieval["recall_at"]["1"]).c_str(),
-              Percent(retrieval["recall_at"]["5"]).c_str(),
-              Percent(retrieval["recall_at"]["20"]).c_str());
+  std::printf(
+      "right among best    1: %s, 5: %s, 20: %s\n", Percent(retrieval["recall_at"]["1"]).c_str(),
+      Percent(retrieval["recall_at"]["5"]).c_str(), Percent(retrieval["recall_at"]["20"]).c_str());
   std::printf("keyframe <= 1 m/30  %s\n", Percent(retrieval["within_1m_30deg"]).c_str());
   PrintPose(f["pose"]);
   std::printf("answered            %s, of these wrong %s\n",

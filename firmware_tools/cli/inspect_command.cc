@@ -46,8 +46,8 @@ Json Locations(const ModelView& model) {
     locations.push_back({{"name", model.location_name(l)}, {"views", Json::array()}});
   }
   for (int p = 0; p < s.num_pairs; ++p) {
-    const auto keyframes = std::count(model.keyframes().pair.begin(),
-                                      model.keyframes().pair.end(), p);
+    const auto keyframes =
+        std::count(model.keyframes().pair.begin(), model.keyframes().pair.end(), p);
     locations[s.pair_location[p]]["views"].push_back(
         {{"name", model.view_name(s.pair_view[p])}, {"keyframes", keyframes}});
   }
@@ -214,8 +214,8 @@ std::vector<unsigned char> ReadModelFile(const std::string& path) {
 
 void AddInspect(CLI::App& app) {
   auto flags = std::make_shared<InspectFlags>();
-  CLI::App* command = app.add_subcommand(
-      "inspect", "show what a model holds\nExample: viewfix inspect museum.vfx");
+  CLI::App* command =
+      app.add_subcommand("inspect", "show what a model holds\nExample: viewfix inspect museum.vfx");
   command->add_option("model", flags->model, "the model file")->required();
   command->add_flag("--json", flags->json, "as JSON");
   command->callback([flags] { RunInspect(*flags); });

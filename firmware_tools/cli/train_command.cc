@@ -163,8 +163,9 @@ void AddTrain(CLI::App& app) {
                                           "the site's plan, a PNG or JPEG: goes into the model");
   plan->needs(align);
   align->needs(plan);
-  command->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
-                      "landmarks that each keyframe keeps, about")
+  command
+      ->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
+                   "landmarks that each keyframe keeps, about")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")

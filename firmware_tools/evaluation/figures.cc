@@ -46,8 +46,7 @@ Json OrNull(const std::optional<double>& value) {
 
 class Figures {
  public:
-  Figures(const ImageSet& set, const Evaluation& evaluation)
-      : set_(set), evaluation_(evaluation) {}
+  Figures(const ImageSet& set, const Evaluation& evaluation) : set_(set), evaluation_(evaluation) {}
 
   Json Location() const {
     return Accuracy([](const FrameResult& f) { return f.location; });
@@ -106,14 +105,13 @@ Json Figures::Accuracy(const std::function<std::string(const FrameResult&)>& gue
   Json by_level = Json::array();
   for (int level = 1; level <= MaxLevels(); ++level) {
     by_level.push_back(Share(Count([&](const FrameResult& f) {
-                               return HasLocation(f) &&
-                                      UpToLevel(guess(f), level) ==
-                                          UpToLevel(Truth(f).location, level);
+                               return HasLocation(f) && UpToLevel(guess(f), level) ==
+                                                            UpToLevel(Truth(f).location, level);
                              }),
                              labelled));
   }
-  const int right = Count(
-      [&](const FrameResult& f) { return HasLocation(f) && guess(f) == Truth(f).location; });
+  const int right =
+      Count([&](const FrameResult& f) { return HasLocation(f) && guess(f) == Truth(f).location; });
   return {{"accuracy", Share(right, labelled)},
           {"ci95", Ci95(right, labelled)},
           {"by_level", by_level},
@@ -124,7 +122,8 @@ Json Figures::View() const {
   const int labelled = Count([&](const FrameResult& f) { return HasView(f); });
   const int right =
       Count([&](const FrameResult& f) { return HasView(f) && f.view == Truth(f).view; });
-  return {{"accuracy", Share(right, labelled)}, {"ci95", Ci95(right, labelled)},
+  return {{"accuracy", Share(right, labelled)},
+          {"ci95", Ci95(right, labelled)},
           {"labelled", labelled}};
 }
 
@@ -156,9 +155,9 @@ Json Figures::Pose() const {
     const char* name;
     double metres, degrees;
   };
-  constexpr Threshold kThresholds[] = {{"0.05m_2deg", 0.05, 2},  {"0.05m_5deg", 0.05, 5},
-                                       {"0.1m_5deg", 0.1, 5},    {"0.25m_2deg", 0.25, 2},
-                                       {"0.5m_5deg", 0.5, 5},    {"5m_10deg", 5, 10}};
+  constexpr Threshold kThresholds[] = {{"0.05m_2deg", 0.05, 2}, {"0.05m_5deg", 0.05, 5},
+                                       {"0.1m_5deg", 0.1, 5},   {"0.25m_2deg", 0.25, 2},
+                                       {"0.5m_5deg", 0.5, 5},   {"5m_10deg", 5, 10}};
   const int labelled = Count([&](const FrameResult& f) { return Truth(f).pose.has_value(); });
   std::vector<double> metres;
   std::vector<double> degrees;
@@ -209,7 +208,8 @@ Json Figures::Confidence() const {
     if (HasLocation(f)) judgements.push_back({double{f.fix.confidence}, LocationRight(f)});
   }
   if (judgements.empty()) {
-    return {{"ece", nullptr},   {"ece_ci95", nullptr}, {"brier", nullptr}, {"brier_constant", nullptr},
+    return {{"ece", nullptr},   {"ece_ci95", nullptr},
+            {"brier", nullptr}, {"brier_constant", nullptr},
             {"auroc", nullptr}, {"risk_at_80_coverage", nullptr}};
   }
   const Interval ece = BootstrapCalibrationError(judgements);
@@ -302,13 +302,12 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
   json["confidence"] = figures.Confidence();
   json["unknown"] = nullptr;
   if (unknown != nullptr) {
-    const auto localized =
-        std::count_if(unknown->frames.begin(), unknown->frames.end(),
-                      [](const FrameResult& f) { return f.fix.localized; });
-    json["unknown"] = {{"images", unknown->frames.size()},
-                       {"localized", Share(static_cast<int>(localized),
-                                           static_cast<int>(unknown->frames.size()))},
-                       {"frames", UnknownFrames(*unknown)}};
+    const auto localized = std::count_if(unknown->frames.begin(), unknown->frames.end(),
+                                         [](const FrameResult& f) { return f.fix.localized; });
+    json["unknown"] = {
+        {"images", unknown->frames.size()},
+        {"localized", Share(static_cast<int>(localized), static_cast<int>(unknown->frames.size()))},
+        {"frames", UnknownFrames(*unknown)}};
   }
   json["latency_ms"] = figures.Latency();
   json["frames"] = figures.PerFrame();

@@ -61,7 +61,8 @@ std::vector<int> ChoosePoints(const Reconstruction& map, const ModelMapOptions& 
     bool wanted = false;
     const auto cell = [&](const Observation& o) -> int& {
       const MapImage& image = map.images[o.image_idx];
-      return count[o.image_idx][CellOf(map.cameras[image.camera_idx], image.keypoints[o.feature_idx])];
+      return count[o.image_idx]
+                  [CellOf(map.cameras[image.camera_idx], image.keypoints[o.feature_idx])];
     };
     for (const Observation& o : map.points[p].track) wanted = wanted || cell(o) < quota;
     if (!wanted) continue;
@@ -153,15 +154,17 @@ class Writer {
       const float value = std::clamp(std::round(sum[d] * scale), -127.0F, 127.0F);
       model_.landmark_descriptors.push_back(static_cast<std::int8_t>(value));
     }
-    model_.landmark_laplacian_sign.push_back(
-        static_cast<std::int8_t>(sign > 0 ? 1 : sign < 0 ? -1 : 0));
+    model_.landmark_laplacian_sign.push_back(static_cast<std::int8_t>(sign > 0   ? 1
+                                                                      : sign < 0 ? -1
+                                                                                 : 0));
   }
 
   // Of an observation, in units of its key point's scale.
   void AddError(const Reconstruction& map, const MapImage& image, const Observation& o,
                 const MapPoint& point) {
     Eigen::Vector2d pixel;
-    if (!map.cameras[image.camera_idx].Project(image.cam_from_world * point.position, pixel)) return;
+    if (!map.cameras[image.camera_idx].Project(image.cam_from_world * point.position, pixel))
+      return;
     const double scale = double{FeaturesOf(image).keypoints[o.feature_idx].sigma};
     errors_.push_back((pixel - image.keypoints[o.feature_idx]).norm() / scale);
   }
@@ -233,8 +236,8 @@ class Writer {
   const FeatureStore& features_;
   int jobs_;
   ModelData& model_;
-  std::map<std::string, int> idx_of_;  // of an image, by name
-  std::map<int, int> keyframe_of_;     // by image
+  std::map<std::string, int> idx_of_;             // of an image, by name
+  std::map<int, int> keyframe_of_;                // by image
   std::vector<std::vector<std::uint32_t>> seen_;  // [keyframes] landmarks
   std::vector<double> errors_;
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();

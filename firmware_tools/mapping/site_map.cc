@@ -61,7 +61,8 @@ SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates
   SfmResult result = MapPhotographs(input, candidates, pairs, sfm, options.jobs, stages);
   site.maps = std::move(result.maps);
   if (site.maps.size() > 1) {
-    site.warnings.push_back(Count(site.maps.size(), " maps that are not connected with each other"));
+    site.warnings.push_back(
+        Count(site.maps.size(), " maps that are not connected with each other"));
   }
   if (!result.unmapped.empty()) {
     site.warnings.push_back(Count(result.unmapped.size(), " images are in no map, the first: ") +

@@ -33,8 +33,8 @@ struct SiteMapOptions {
 };
 
 struct SiteMap {
-  std::vector<Reconstruction> maps;  // largest first; none: nothing to map
-  bool metric = false;               // units are metres, at least the largest map's
+  std::vector<Reconstruction> maps;      // largest first; none: nothing to map
+  bool metric = false;                   // units are metres, at least the largest map's
   std::vector<MapPlacement> placements;  // [maps]
   Similarity site_from_set;  // where the set's own poses are: not identity if controls moved them
   std::vector<std::string> notes;  // for people: how well the controls fit

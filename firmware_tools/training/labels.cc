@@ -70,7 +70,8 @@ std::vector<std::string> CellNames(const ImageSet& set, std::span<const int> ima
     low = low.cwiseMin(positions.back());
   }
   for (const Eigen::Vector3d& p : positions) {
-    const Eigen::Vector3d cell = ((p - low).array() / Eigen::Array3d(cell_size, cell_size, 3.0)).floor();
+    const Eigen::Vector3d cell =
+        ((p - low).array() / Eigen::Array3d(cell_size, cell_size, 3.0)).floor();
     names.push_back(Numbered("storey", static_cast<int>(cell.z())) + "/" +
                     Numbered("cell_", static_cast<int>(cell.x())) +
                     Numbered("_", static_cast<int>(cell.y())));
@@ -178,9 +179,9 @@ std::vector<std::string> ViewNames(const ImageSet& set, std::span<const int> ima
   }
   if (all([](const ImageRecord& image) { return image.pose.has_value(); })) {
     labels.view_source = "headings";
-    return HeadingNames(set, image_idxs,
-                        options.views == Views::kCount ? options.view_count
-                                                       : options.heading_sectors);
+    return HeadingNames(
+        set, image_idxs,
+        options.views == Views::kCount ? options.view_count : options.heading_sectors);
   }
   labels.global_views = false;
   labels.view_source = "order";
@@ -208,8 +209,8 @@ double CellSizeOf(const ImageSet& set, int images_per_cell) {
   return std::max(1e-6, walked * images_per_cell / std::max(1, posed));
 }
 
-Labels MakeLabels(const ImageSet& set, std::span<const int> image_idxs,
-                  const Eigen::MatrixXf& gram, const LabelOptions& options) {
+Labels MakeLabels(const ImageSet& set, std::span<const int> image_idxs, const Eigen::MatrixXf& gram,
+                  const LabelOptions& options) {
   if (image_idxs.empty()) {
     throw ToolError(set.source.string() +
                     ": no locations: add a `location` column (or folders <location>/<view>/), or "
@@ -229,8 +230,8 @@ std::vector<int> CutIntoRuns(const Eigen::MatrixXf& gram, std::span<const int> o
   Eigen::MatrixXd prefix = Eigen::MatrixXd::Zero(n + 1, n + 1);
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < n; ++j) {
-      prefix(i + 1, j + 1) = prefix(i, j + 1) + prefix(i + 1, j) - prefix(i, j) +
-                             double{gram(order[i], order[j])};
+      prefix(i + 1, j + 1) =
+          prefix(i, j + 1) + prefix(i + 1, j) - prefix(i, j) + double{gram(order[i], order[j])};
     }
   }
   const auto scatter = [&](int i, int j) {  // less the sum of |x|^2, the same for every cut

@@ -14,18 +14,18 @@ namespace viewfix {
 struct LabelOptions {
   enum class Views { kAuto, kLabels, kCount };
   Views views = Views::kAuto;
-  int view_count = 0;           // kCount: views of every location, 1..64
-  int images_per_view = 4;      // automatic views by order: about this many images each
-  int heading_sectors = 4;      // automatic views where poses are known
-  double cell_size = 1.5;       // metres: locations made from poses where none are named
+  int view_count = 0;       // kCount: views of every location, 1..64
+  int images_per_view = 4;  // automatic views by order: about this many images each
+  int heading_sectors = 4;  // automatic views where poses are known
+  double cell_size = 1.5;   // metres: locations made from poses where none are named
 };
 
 // The samples of a training: images with a location and a view each. Names ascend; a pair
 // is a (location, view) that has images; pairs ascend by (location, view).
 struct Labels {
-  std::vector<int> image_idxs;   // [samples] into ImageSet::images, ascending
-  std::vector<int> location;     // [samples] into locations
-  std::vector<int> pair;         // [samples] into pair_location
+  std::vector<int> image_idxs;  // [samples] into ImageSet::images, ascending
+  std::vector<int> location;    // [samples] into locations
+  std::vector<int> pair;        // [samples] into pair_location
   std::vector<std::string> locations;
   std::vector<std::string> views;
   std::vector<int> pair_location;
@@ -53,8 +53,8 @@ double CellSizeOf(const ImageSet& set, int images_per_cell);
 //   appearance changes
 // Throws ToolError naming the set: neither locations nor poses; views asked for by label
 // but not given.
-Labels MakeLabels(const ImageSet& set, std::span<const int> image_idxs,
-                  const Eigen::MatrixXf& gram, const LabelOptions& options);
+Labels MakeLabels(const ImageSet& set, std::span<const int> image_idxs, const Eigen::MatrixXf& gram,
+                  const LabelOptions& options);
 
 // Cuts a sequence of n images into k contiguous runs with the least sum of squared
 // distances to the runs' means (exact, dynamic programming over eq. sum |x|^2 - |sum x|^2/m).

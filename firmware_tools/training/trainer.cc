@@ -42,8 +42,8 @@ void ReportFailures(const ImageSet& set, const FeatureStore& features, std::size
   const std::string count = std::to_string(features.failures.size()) + " of " +
                             std::to_string(asked) + " training images";
   if (features.failures.size() * 5 > asked) {
-    throw ToolError(set.source.string() + ": " + count + " could not be used, the first: " +
-                    features.failures.front().cause);
+    throw ToolError(set.source.string() + ": " + count +
+                    " could not be used, the first: " + features.failures.front().cause);
   }
   warnings.push_back(count + " could not be used");
 }
@@ -226,8 +226,13 @@ std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options,
 
 ModelFeatures FeaturesOf(const FeatureStore& store) {
   const FeatureOptions& o = store.options;
-  return {static_cast<std::uint8_t>(o.type), store.version, o.max_image_side, o.max_features,
-          o.upright,                         o.threshold,   store.dim};
+  return {static_cast<std::uint8_t>(o.type),
+          store.version,
+          o.max_image_side,
+          o.max_features,
+          o.upright,
+          o.threshold,
+          store.dim};
 }
 
 ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
@@ -281,8 +286,8 @@ FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& op
                          Begin(stages, "features"));
 }
 
-Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
-                            const TrainOptions& options, const StageProgress& stages) {
+Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const TrainOptions& options,
+                            const StageProgress& stages) {
   Preparation prepared;
   prepared.features = std::move(features);
   const int dim = prepared.features.dim;
@@ -298,17 +303,16 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
     if (usable && (map_first || HasPlace(set, set.images[i]))) samples.push_back(i);
   }
   const Vocabulary vocabulary(prepared.words, dim);
-  for (ImageHistograms& h : BuildHistograms(prepared.features, samples, vocabulary,
-                                            WordsPerFeature(options), options.histogram_map,
-                                            options.jobs, Begin(stages, "histograms"))) {
+  for (ImageHistograms& h :
+       BuildHistograms(prepared.features, samples, vocabulary, WordsPerFeature(options),
+                       options.histogram_map, options.jobs, Begin(stages, "histograms"))) {
     prepared.histograms.push_back(std::move(h.frame));
     prepared.keyframe_histograms.push_back(std::move(h.keyframe));
   }
   prepared.gram = GramMatrix(prepared.histograms, vocabulary.size(), options.jobs);
   prepared.similarities = KeyframeSimilarities(prepared.histograms, prepared.keyframe_histograms,
                                                vocabulary.size(), options.jobs);
-  prepared.site =
-      MapSite(set, prepared.features, samples, prepared.gram, options.map, stages);
+  prepared.site = MapSite(set, prepared.features, samples, prepared.gram, options.map, stages);
   if (map_first) {
     LabelByMap(set, options, samples, prepared);
   } else {
@@ -317,8 +321,7 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
   return prepared;
 }
 
-Preparation Prepare(const ImageSet& set, const TrainOptions& options,
-                    const StageProgress& stages) {
+Preparation Prepare(const ImageSet& set, const TrainOptions& options, const StageProgress& stages) {
   const std::vector<int> asked = TrainingImages(set);
   FeatureStore features = ExtractTrainingFeatures(set, options, stages);
   std::vector<std::string> warnings;
@@ -336,8 +339,8 @@ std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const Train
   const Labels& labels = prepared.labels;
   const std::vector<int> fold = HeldOutBlocks(labels, options.folds);
   const auto measure = [&](const std::string& stage, std::span<const ScoreOptions> candidates) {
-    return CrossValidate(labels, prepared.gram, prepared.similarities, fold, options.folds, candidates, options.jobs,
-                         Begin(stages, stage));
+    return CrossValidate(labels, prepared.gram, prepared.similarities, fold, options.folds,
+                         candidates, options.jobs, Begin(stages, stage));
   };
   const ScoreOptions start = FirstGuess(options);
   std::vector<HeldOut> tried = measure("held-out blocks", std::span(&start, 1));

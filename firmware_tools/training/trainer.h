@@ -29,13 +29,13 @@ struct TrainOptions {
   std::optional<double> c;
   std::optional<double> beta;
   std::optional<bool> other_views_negative;
-  int folds = 4;           // of held-out blocks, >= 2
-  bool use_poses = true;   // keep the poses that the set gives
-  SiteMapOptions map;      // where landmarks come from
+  int folds = 4;          // of held-out blocks, >= 2
+  bool use_poses = true;  // keep the poses that the set gives
+  SiteMapOptions map;     // where landmarks come from
   ModelMapOptions model_map;
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   std::uint64_t seed = 1;
-  int jobs = 0;            // 0: all cores
+  int jobs = 0;  // 0: all cores
 };
 
 // Begins a named stage of long work and returns where to report its progress.
@@ -45,7 +45,7 @@ using StageProgress = std::function<Progress(const std::string& stage)>;
 // `check` can report on a set without writing one.
 struct Preparation {
   FeatureStore features;
-  std::vector<std::int8_t> words;  // [num_words, dim]
+  std::vector<std::int8_t> words;              // [num_words, dim]
   std::vector<Histogram> histograms;           // [samples] as of frames
   std::vector<Histogram> keyframe_histograms;  // [samples]
   Eigen::MatrixXf gram;                        // [samples, samples]
@@ -60,8 +60,8 @@ FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& op
                                      const StageProgress& stages);
 
 // Vocabulary, histograms and labels of whatever features there are.
-Preparation PrepareFeatures(const ImageSet& set, FeatureStore features,
-                            const TrainOptions& options, const StageProgress& stages);
+Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const TrainOptions& options,
+                            const StageProgress& stages);
 
 // Both, with the limits of a training: images that fail are warned of, skipped and counted;
 // throws ToolError where more than a fifth fail or a location is left empty.

@@ -61,9 +61,9 @@ int Run(const DaemonOptions& options) {
   FixWriter writer(*model);
   const std::unique_ptr<Publisher> publisher = MakeStreamPublisher(STDOUT_FILENO);
   RunReport report;
-  const Status status = RunLoop(**source, options.rotate_deg,
-                                options.calibration_path.empty() ? nullptr : &camera, *localizer,
-                                writer, *publisher, g_stop, report);
+  const Status status =
+      RunLoop(**source, options.rotate_deg, options.calibration_path.empty() ? nullptr : &camera,
+              *localizer, writer, *publisher, g_stop, report);
   if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
   if (!status.ok() && g_stop == 0) return Fail(status);
   std::fprintf(stderr,

@@ -6,36 +6,20 @@
 #include <cstdlib>
 
 #include "engine/localizer.h"
+#include "tests/testing/allocation_counter.h"
 #include "tests/testing/landmark_site.h"
-
-namespace {
-int allocations = 0;
-}
-
-// AddressSanitizer has a malloc of its own: nothing is counted under it.
-#ifndef __SANITIZE_ADDRESS__
-constexpr bool kCounts = true;
-// glibc's own, under the name that stays when malloc is replaced.
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#else
-constexpr bool kCounts = false;
-#endif
 
 namespace viewfix {
 namespace {
 
 TEST(LocalizerHeap, TheCounterCounts) {
-  if (!kCounts) GTEST_SKIP() << "AddressSanitizer owns malloc";
-  const int before = allocations;
+  if (!CountsAllocations()) GTEST_SKIP() << "AddressSanitizer owns malloc";
+  const int before = AllocationsSoFar();
   void* volatile memory = std::malloc(100);
   std::free(memory);
   int* volatile number = new int;
   delete number;
-  EXPECT_GE(allocations, before + 2);
+  EXPECT_GE(AllocationsSoFar(), before + 2);
 }
 
 TEST(LocalizerHeap, LocalizingAllocatesNothing) {
@@ -50,7 +34,7 @@ TEST(LocalizerHeap, LocalizingAllocatesNothing) {
   const ImageView strip = {site.pixels.data(), site.width, 170, site.width};
   // The first frames may be the largest of all kinds, or not.
   for (int round = 0; round < 2; ++round) {
-    const int before = allocations;
+    const int before = AllocationsSoFar();
     const bool alone = localizer.Localize(whole)->has_pose;
     const bool tracked =
         localizer.Localize(whole, {.camera = &site.camera, .cam_from_world = &right})->has_pose;
@@ -58,7 +42,7 @@ TEST(LocalizerHeap, LocalizingAllocatesNothing) {
     const bool focal = localizer.Localize(strip)->has_pose;
     const bool empty =
         localizer.Localize({plain.data(), site.width, site.height, site.width})->has_pose;
-    EXPECT_EQ(allocations, before) << "round " << round;
+    EXPECT_EQ(AllocationsSoFar(), before) << "round " << round;
     EXPECT_TRUE(alone && tracked && lost && focal);
     EXPECT_FALSE(empty);
   }
@@ -71,14 +55,14 @@ TEST(LocalizerHeap, TheWindowAllocatesNothing) {
   options.window = 3;
   Localizer localizer = std::move(*Localizer::Create(*ModelView::Open(file), options));
   const ImageView whole = {site.pixels.data(), site.width, site.height, site.width};
-  const int before = allocations;
+  const int before = AllocationsSoFar();
   bool all_found = true;
   for (const std::uint64_t sequence : {0, 1, 2, 3, 4, 4, 2, 900}) {  // in order and not
     const auto fix = localizer.Localize(whole, {.sequence = sequence});
     all_found = all_found && fix->has_pose &&
                 (fix->world_from_cam.translation - site.world_from_cam.translation).norm() < 0.01;
   }
-  EXPECT_EQ(allocations, before);
+  EXPECT_EQ(AllocationsSoFar(), before);
   EXPECT_TRUE(all_found);
 }
 

@@ -54,8 +54,8 @@ TEST_F(LocalizerTest, AnswersAreConsistent) {
   EXPECT_EQ(fix->margin, locations[fix->location_idx] - locations[1 - fix->location_idx]);
   EXPECT_GE(fix->margin, 0);
   const auto& curve = model_.confidence();
-  EXPECT_NEAR(fix->confidence,
-              1 / (1 + std::exp(-(curve.offset + curve.slope * fix->margin))), 1e-6);
+  EXPECT_NEAR(fix->confidence, 1 / (1 + std::exp(-(curve.offset + curve.slope * fix->margin))),
+              1e-6);
   EXPECT_TRUE(fix->localized);
 }
 
@@ -116,7 +116,8 @@ TEST_F(LocalizerTest, HostileImagesAreErrors) {
 TEST_F(LocalizerTest, OddShapesAreOutcomes) {
   Localizer localizer = Make(TinyModelData());
   const auto pixels = Blocks(10000, 10, 1);
-  for (const auto& [width, height] : {std::pair(1, 1), std::pair(10000, 10), std::pair(10, 10000)}) {
+  for (const auto& [width, height] :
+       {std::pair(1, 1), std::pair(10000, 10), std::pair(10, 10000)}) {
     const auto fix = localizer.Localize({pixels.data(), width, height, width});
     ASSERT_TRUE(fix.ok());
     EXPECT_FALSE(fix->localized && fix->num_features < kMinFeatures);

@@ -10,35 +10,19 @@
 #include "engine/pose/window_adjuster.h"
 #include "tests/engine/geometry/test_cameras.h"
 #include "tests/engine/pose/pose_problem.h"
-
-namespace {
-int allocations = 0;
-}
-
-// AddressSanitizer has a malloc of its own: nothing is counted under it.
-#ifndef __SANITIZE_ADDRESS__
-constexpr bool kCounts = true;
-// glibc's own, under the name that stays when malloc is replaced.
-extern "C" void* __libc_malloc(std::size_t size);
-extern "C" void* malloc(std::size_t size) {
-  ++allocations;
-  return __libc_malloc(size);
-}
-#else
-constexpr bool kCounts = false;
-#endif
+#include "tests/testing/allocation_counter.h"
 
 namespace viewfix {
 namespace {
 
 TEST(PoseHeap, TheCounterCounts) {
-  if (!kCounts) GTEST_SKIP() << "AddressSanitizer owns malloc";
-  const int before = allocations;
+  if (!CountsAllocations()) GTEST_SKIP() << "AddressSanitizer owns malloc";
+  const int before = AllocationsSoFar();
   void* volatile memory = std::malloc(100);
   std::free(memory);
   int* volatile number = new int;
   delete number;
-  EXPECT_GE(allocations, before + 2);
+  EXPECT_GE(AllocationsSoFar(), before + 2);
 }
 
 TEST(PoseHeap, EstimationRefinementAndWindowAllocateNothing) {
@@ -51,14 +35,14 @@ TEST(PoseHeap, EstimationRefinementAndWindowAllocateNothing) {
   double time_s = 0;
   for (const Camera& camera : TestCameras()) {
     const PoseProblem problem = MakePoseProblem(camera, options, random);
-    const int before = allocations;
+    const int before = AllocationsSoFar();
     const AbsolutePose pose = estimator->Estimate(camera, problem.matches);
     const bool refined = RefinePose(camera, problem.matches, estimator->inliers(),
                                     pose.pose.cam_from_world, with_focal)
                              .found;
     const bool adjusted =
         window->Push(time_s += 0.1, camera, problem.matches, pose.pose.cam_from_world).found;
-    EXPECT_EQ(allocations, before);
+    EXPECT_EQ(AllocationsSoFar(), before);
     EXPECT_TRUE(pose.found && refined && adjusted);
   }
 }
