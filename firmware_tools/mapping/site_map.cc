@@ -15,16 +15,6 @@ Progress Begin(const std::function<Progress(const std::string&)>& stages, const 
   return stages ? stages(stage) : Progress();
 }
 
-// Rows and columns `kept` of a square matrix.
-Eigen::MatrixXf Submatrix(const Eigen::MatrixXf& all, const std::vector<int>& kept) {
-  const auto n = static_cast<Eigen::Index>(kept.size());
-  Eigen::MatrixXf part(n, n);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < n; ++j) part(i, j) = all(kept[i], kept[j]);
-  }
-  return part;
-}
-
 // Positions in image_idxs of what can be mapped.
 std::vector<int> Mappable(const ImageSet& set, const FeatureStore& features,
                           std::span<const int> image_idxs, MapSource source) {
@@ -125,7 +115,7 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
   std::vector<int> images;
   for (const int i : kept) images.push_back(image_idxs[i]);
   const MapInput input = MakeMapInput(set, features, images);
-  const auto candidates = SelectPairs(input, Submatrix(similarity, kept));
+  const auto candidates = SelectPairs(input, similarity(kept, kept));
   TwoViewOptions two_view;
   two_view.seed = options.seed;
   MapInput without_poses = input;

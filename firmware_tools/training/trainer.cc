@@ -248,11 +248,6 @@ void AssignAll(const std::vector<int>& from, std::vector<T>& to) {
   for (const int value : from) to.push_back(static_cast<T>(value));
 }
 
-// Rows and columns `kept` of a square matrix.
-Eigen::MatrixXf Kept(const Eigen::MatrixXf& all, const std::vector<int>& kept) {
-  return all(kept, kept);
-}
-
 template <typename T>
 std::vector<T> Kept(const std::vector<T>& all, const std::vector<int>& kept) {
   std::vector<T> part;
@@ -271,8 +266,8 @@ void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vec
   }
   prepared.histograms = Kept(prepared.histograms, kept);
   prepared.keyframe_histograms = Kept(prepared.keyframe_histograms, kept);
-  prepared.gram = Kept(prepared.gram, kept);
-  prepared.similarities = Kept(prepared.similarities, kept);
+  prepared.gram = prepared.gram(kept, kept).eval();
+  prepared.similarities = prepared.similarities(kept, kept).eval();
   LabelOptions labels = options.labels;
   if (!prepared.site.metric) labels.cell_size = CellSizeOf(mapped, kImagesPerCell);
   prepared.labels = MakeLabels(mapped, Kept(samples, kept), prepared.gram, labels);
