@@ -9,6 +9,7 @@
 
 #include "engine/base/exp.h"
 #include "engine/image/resize.h"
+#include "engine/pose/model_geometry.h"
 #include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
@@ -83,20 +84,6 @@ Status CheckPrior(const Prior& prior, const ImageView& image) {
   return {};
 }
 
-Camera ModelsCamera(const ModelCamera& m) {
-  Camera camera;
-  if (m.width == 0) return camera;
-  camera.model = static_cast<CameraModel>(m.model);
-  camera.width = m.width;
-  camera.height = m.height;
-  camera.fx = m.intrinsics[0];
-  camera.fy = m.intrinsics[1];
-  camera.cx = m.intrinsics[2];
-  camera.cy = m.intrinsics[3];
-  std::copy(m.distortion.begin(), m.distortion.end(), camera.distortion.begin());
-  return camera;
-}
-
 // A camera of whose lens nothing is known, with the focal length, by its longer side, of another.
 Camera GuessCamera(const Camera& like, int width, int height) {
   Camera camera;
@@ -160,7 +147,7 @@ struct Localizer::State {
         retrieval(model.keyframes(), model.scoring().histogram_map, vocabulary.size(),
                   model.scoring().num_pairs),
         keyframe_similarities(model.keyframes().size),
-        model_camera(ModelsCamera(model.camera())),
+        model_camera(CameraOf(model.camera())),
         pose_finder(std::move(finder)),
         window(std::move(window_adjuster)) {
     all_proposed.reserve(model.keyframes().size);
@@ -431,7 +418,7 @@ Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptio
   if (Status status = CheckExtractor(model.features(), *extractor); !status.ok()) return status;
   std::optional<PoseFinder> finder;
   if (model.has_landmarks()) {
-    if (Status status = ModelsCamera(model.camera()).Validate(); !status.ok()) return status;
+    if (Status status = CameraOf(model.camera()).Validate(); !status.ok()) return status;
     auto created = PoseFinder::Create(model, options.pose);
     if (!created.ok()) return created.status();
     finder.emplace(std::move(*created));

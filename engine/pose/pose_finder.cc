@@ -10,6 +10,7 @@
 #include "engine/matching/descriptor_matcher.h"
 #include "engine/matching/feature_grid.h"
 #include "engine/pose/absolute_pose.h"
+#include "engine/pose/model_geometry.h"
 
 namespace viewfix {
 namespace {
@@ -93,8 +94,6 @@ struct PoseFinder::State {
   void IndexKeyframes();
   void MeasurePaces();
   double PaceOf(int map) const { return paces[map]; }
-  Eigen::Vector3d Position(std::uint32_t landmark) const;
-  Rigid3 KeyframePose(int k) const;
   float RarityOf(std::uint32_t landmark) const;
   double SigmaOf(const Keypoint& keypoint) const;
   std::span<const std::uint32_t> LandmarksOf(int k) const;
@@ -169,10 +168,10 @@ void PoseFinder::State::MeasurePaces() {
   paces.assign(landmarks.num_maps, 0);
   std::vector<double> observations(landmarks.num_maps, 0);
   for (int k = 0; k < keyframes.size; ++k) {
-    const Eigen::Vector3d position = KeyframePose(k).translation;
+    const Eigen::Vector3d position = KeyframePose(keyframes, k).translation;
     for (const std::uint32_t l : LandmarksOf(k)) {
       const int map = model.MapOf(l);
-      paces[map] += (Position(l) - position).norm();
+      paces[map] += (LandmarkPosition(model, l) - position).norm();
       ++observations[map];
     }
   }
@@ -185,24 +184,6 @@ void PoseFinder::State::MeasurePaces() {
 std::span<const std::uint32_t> PoseFinder::State::LandmarksOf(int k) const {
   const std::uint32_t begin = keyframes.landmark_begin[k];
   return keyframes.landmarks.subspan(begin, keyframes.landmark_begin[k + 1] - begin);
-}
-
-Eigen::Vector3d PoseFinder::State::Position(std::uint32_t landmark) const {
-  const int map = model.MapOf(landmark);
-  const double step = double{landmarks.map_step[map]};
-  Eigen::Vector3d position;
-  for (int axis = 0; axis < 3; ++axis) {
-    position[axis] = double{landmarks.map_origin[std::size_t(map) * 3 + axis]} +
-                     step * landmarks.position[std::size_t(landmark) * 3 + axis];
-  }
-  return position;
-}
-
-Rigid3 PoseFinder::State::KeyframePose(int k) const {
-  const auto row = keyframes.pose.subspan(std::size_t(k) * 7, 7);
-  return {Eigen::Quaterniond(double{row[6]}, double{row[3]}, double{row[4]}, double{row[5]})
-              .normalized(),
-          Eigen::Vector3d(double{row[0]}, double{row[1]}, double{row[2]})};
 }
 
 float PoseFinder::State::RarityOf(std::uint32_t landmark) const {
@@ -265,7 +246,7 @@ const ProposedKeyframe* PoseFinder::State::GatherGroup(std::span<const ProposedK
 
 void PoseFinder::State::AddMatch(const Keypoint& keypoint, std::uint32_t landmark) {
   matches.push_back({Eigen::Vector2d(double{keypoint.x}, double{keypoint.y}), SigmaOf(keypoint),
-                     Position(landmark)});
+                     LandmarkPosition(model, landmark)});
   matched_landmarks.push_back(landmark);
 }
 
@@ -321,7 +302,7 @@ void PoseFinder::State::GatherNear(int map, const Rigid3& cam_from_world) {
   for (int k = 0; k < keyframes.size; ++k) {
     const auto seen = LandmarksOf(k);
     if (seen.empty() || model.MapOf(seen.front()) != map) continue;
-    const double unlike = Unlike(world_from_cam, KeyframePose(k), PaceOf(map));
+    const double unlike = Unlike(world_from_cam, KeyframePose(keyframes, k), PaceOf(map));
     if (unlike < kNoView) ranked.emplace_back(unlike, k);  // numbers that are none are in no order
   }
   std::sort(ranked.begin(), ranked.end());
@@ -340,7 +321,7 @@ void PoseFinder::State::MatchGuided(const FeatureSet& features, const Camera& ca
   const double radius2 = radius_px * radius_px;
   for (const std::uint32_t l : candidates) {
     Eigen::Vector2d pixel;
-    if (!camera.Project(cam_from_world * Position(l), pixel)) continue;
+    if (!camera.Project(cam_from_world * LandmarkPosition(model, l), pixel)) continue;
     if (!(pixel.x() > -radius_px && pixel.y() > -radius_px &&
           pixel.x() < camera.width + radius_px && pixel.y() < camera.height + radius_px)) {
       continue;
@@ -405,8 +386,8 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   const double pace = PaceOf(model.MapOf(LandmarksOf(ranked.front().second).front()));
   const auto end = ranked.begin() + std::min<std::ptrdiff_t>(kNeighbours, std::ssize(ranked));
   const auto nearest = std::min_element(ranked.begin(), end, [&](const auto& a, const auto& b) {
-    return Unlike(world_from_cam, KeyframePose(a.second), pace) <
-           Unlike(world_from_cam, KeyframePose(b.second), pace);
+    return Unlike(world_from_cam, KeyframePose(keyframes, a.second), pace) <
+           Unlike(world_from_cam, KeyframePose(keyframes, b.second), pace);
   });
   found.keyframe_idx = nearest->second;
   found.map_idx = model.MapOf(LandmarksOf(found.keyframe_idx).front());
@@ -415,9 +396,9 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   }
   for (const std::uint32_t l : LandmarksOf(found.keyframe_idx)) {
     Eigen::Vector2d pixel;
-    const bool seen = camera.Project(found.pose.cam_from_world * Position(l), pixel) &&
-                      pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width &&
-                      pixel.y() < camera.height;
+    const bool seen =
+        camera.Project(found.pose.cam_from_world * LandmarkPosition(model, l), pixel) &&
+        pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width && pixel.y() < camera.height;
     if (seen) found.expected += RarityOf(l);
   }
 }

@@ -52,7 +52,6 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   TrainOptions options = flags.options;
   ApplyViews(flags.views, options.labels);
   options.histogram_map = flags.histogram == "l1" ? HistogramMap::kL1 : HistogramMap::kHellinger;
-  options.use_poses = flags.map == "auto" || flags.map == "poses";
   options.map.source = flags.map == "none"     ? MapSource::kNone
                        : flags.map == "colmap" ? MapSource::kColmap
                                                : MapSource::kPoses;

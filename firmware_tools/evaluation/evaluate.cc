@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "engine/pose/model_geometry.h"
 #include "engine/pose/motion_model.h"
 #include "engine/scoring/scoring.h"
 #include "firmware_tools/dataset/calibration_file.h"
@@ -80,12 +81,6 @@ void RankKeyframes(const ModelView& model, std::span<const float> similarity, in
   }
 }
 
-Rigid3 KeyframePose(const ModelView& model, int k) {
-  const auto row = model.keyframes().pose.subspan(std::size_t(k) * 7, 7);
-  return {Eigen::Quaterniond(row[6], row[3], row[4], row[5]).normalized(),
-          Eigen::Vector3d(row[0], row[1], row[2])};
-}
-
 struct PoseError {
   double metres;
   double degrees;
@@ -120,7 +115,8 @@ void ComparePoses(const ModelView& model, const std::optional<Similarity>& world
   if (!image.pose || !world_from_map) return;
   const int k = result.fix.keyframe_idx;
   if (k >= 0 && Comparable(model, k)) {
-    const PoseError error = ErrorOf(*world_from_map, KeyframePose(model, k), *image.pose);
+    const PoseError error =
+        ErrorOf(*world_from_map, KeyframePose(model.keyframes(), k), *image.pose);
     result.keyframe_distance = error.metres;
     result.keyframe_angle_deg = error.degrees;
   }
@@ -149,7 +145,7 @@ std::optional<Similarity> AlignMap(const ImageSet& set, const ModelView& model,
   for (int k = 0; k < model.keyframes().size; ++k) {
     const auto image = training.find(std::string(model.keyframe_name(k)));
     if (image == training.end() || !InFirstMap(model, k)) continue;
-    in_map.push_back(KeyframePose(model, k).translation);
+    in_map.push_back(KeyframePose(model.keyframes(), k).translation);
     in_world.push_back(image->second->pose->cam_in_world);
   }
   const std::optional<Similarity> world_from_map = FitSimilarity(in_map, in_world);

@@ -5,23 +5,12 @@
 #include <numeric>
 #include <string>
 
+#include "engine/pose/model_geometry.h"
+
 namespace viewfix {
 namespace {
 
 namespace fs = std::filesystem;
-
-Camera CameraOf(const ModelCamera& from) {
-  Camera camera{static_cast<CameraModel>(from.model),
-                from.width,
-                from.height,
-                from.intrinsics[0],
-                from.intrinsics[1],
-                from.intrinsics[2],
-                from.intrinsics[3],
-                {}};
-  std::copy(from.distortion.begin(), from.distortion.end(), camera.distortion.begin());
-  return camera;
-}
 
 Reconstruction PointsOf(const ModelView& model, int map_idx) {
   const ModelLandmarks& landmarks = model.landmarks();
@@ -30,12 +19,7 @@ Reconstruction PointsOf(const ModelView& model, int map_idx) {
   const std::uint32_t begin = landmarks.map_begin[map_idx];
   const std::uint32_t end = landmarks.map_begin[std::size_t(map_idx) + 1];
   for (std::uint32_t l = begin; l < end; ++l) {
-    MapPoint& point = map.points.emplace_back();
-    for (int axis = 0; axis < 3; ++axis) {
-      point.position[axis] =
-          double{landmarks.map_origin[std::size_t(map_idx) * 3 + axis]} +
-          double{landmarks.map_step[map_idx]} * landmarks.position[std::size_t(l) * 3 + axis];
-    }
+    map.points.emplace_back().position = LandmarkPosition(model, l);
   }
   return map;
 }
@@ -55,11 +39,7 @@ std::vector<int> KeyframesByName(const ModelView& model) {
 }
 
 MapImage ImageOf(const ModelView& model, int keyframe_idx) {
-  const auto row = model.keyframes().pose.subspan(std::size_t(keyframe_idx) * 7, 7);
-  const Rigid3 world_from_cam = {
-      Eigen::Quaterniond(double{row[6]}, double{row[3]}, double{row[4]}, double{row[5]})
-          .normalized(),
-      Eigen::Vector3d(double{row[0]}, double{row[1]}, double{row[2]})};
+  const Rigid3 world_from_cam = KeyframePose(model.keyframes(), keyframe_idx);
   return {NameOf(model, keyframe_idx), 0, Inverse(world_from_cam), {}, {}};
 }
 

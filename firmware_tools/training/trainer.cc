@@ -209,7 +209,7 @@ std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options,
     const Histogram& h = prepared.keyframe_histograms[s];
     image_idxs.push_back(labels.image_idxs[s]);
     const std::optional<Pose> pose =
-        options.use_poses
+        options.map.source == MapSource::kPoses
             ? Moved(set.images[labels.image_idxs[s]].pose, prepared.site.site_from_set)
             : std::nullopt;
     model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));

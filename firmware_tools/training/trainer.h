@@ -30,7 +30,6 @@ struct TrainOptions {
   std::optional<double> beta;
   std::optional<bool> other_views_negative;
   int folds = 4;          // of held-out blocks, >= 2
-  bool use_poses = true;  // keep the poses that the set gives
   SiteMapOptions map;     // where landmarks come from
   ModelMapOptions model_map;
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
