@@ -182,6 +182,10 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   AddFeatureFlags(*command, flags->options.features);
+  command->add_option("--map-features", flags->options.map_features,
+                      "features an image for the map, where more than a frame's")
+      ->check(CLI::Range(16, 8192))
+      ->capture_default_str();
   command->add_option("--seed", flags->options.seed, "seed of the vocabulary")
       ->capture_default_str();
   command->add_option("--jobs", flags->options.jobs, "threads; 0: all cores")

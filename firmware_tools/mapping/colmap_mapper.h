@@ -18,9 +18,11 @@ struct ColmapOptions {
   std::filesystem::path work_folder;  // made if missing; kept, and used again
   int seed = 1;
   bool refine_focal = false;
-  int max_trials = 3;        // initial pairs tried before the best model is taken
-  double min_share = 0.9;    // of the frames: registered by a model that needs no other trial
-  double max_error_deg = 2;  // of the pairs' rotations, median: the same
+  int max_trials = 4;  // initial pairs tried before the best model is taken
+  // A model that needs no other trial: share of the frames that it registers, and of the pairs
+  // that it leaves open. A bent map has no large errors but a few loops that do not close.
+  double min_registered = 0.9;
+  double max_open = 0.002;
 };
 
 // The poses that COLMAP's mapper gives one connected set of frames.
@@ -28,7 +30,7 @@ struct ColmapTrial {
   FramePair initial;  // that the mapper began with
   Reconstruction map;
   int registered = 0;
-  double median_error_deg = 0;  // of rotations between frames against the verified pairs
+  double open_share = 0;  // OpenPairShare()
 };
 
 // Pairs to begin a reconstruction with, best first: many matches and wide angles, no frame
@@ -37,7 +39,7 @@ std::vector<FramePair> ChooseInitialPairs(std::span<const VerifiedPair> pairs, i
 
 // Runs `colmap mapper` on the frames and verified matches, headless and with a fixed seed: from a
 // few initial pairs (its own choice may bend a map without a sign), until a model registers
-// enough frames and agrees with the rotations of the verified pairs; returns the best. The folder
+// enough frames and closes the loops that the verified pairs make; returns the best. The folder
 // keeps database, models and log; a model that is complete there, of the same input, is not
 // computed again. Frames without features are left out. None: no initial pair led to a model.
 // `progress`: frames registered of all. Throws ToolError: the program is missing; it failed (its
@@ -47,8 +49,9 @@ std::optional<ColmapTrial> RunColmapMapper(const MapInput& input,
                                            const ColmapOptions& options, int jobs,
                                            const Progress& progress = {});
 
-// Median angle between the rotations of verified pairs and those of a map, degrees; by name.
-double MedianRotationErrorDeg(const MapInput& input, std::span<const VerifiedPair> pairs,
-                              const Reconstruction& map);
+// Share of the pairs between a map's images that the map contradicts: less than half of their
+// matches agree with its motion from one to the other. Images are known by their names.
+double OpenPairShare(const MapInput& input, std::span<const VerifiedPair> pairs,
+                     const Reconstruction& map);
 
 }  // namespace viewfix

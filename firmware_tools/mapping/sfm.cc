@@ -59,26 +59,32 @@ class Mapper {
 
   // A map without images where COLMAP makes none.
   Reconstruction Map(const MapInput& input, const ColmapOptions& colmap) {
-    Reconstruction map;
     const auto trial = RunColmapMapper(input, pairs_, colmap, jobs_, Open(stages_, "colmap"));
-    if (!trial) return map;
+    if (!trial) return {};
     MapInput posed = input;
-    posed.cameras = CamerasOf(trial->map, input);
-    TakePoses(trial->map, posed);
+    Take(trial->map, posed);
+    // COLMAP's poses may be off by more than matches tolerate: its own matches come first.
+    std::vector<VerifiedPair> matches(pairs_.begin(), pairs_.end());
     for (int round = 0; round < options_.refinements; ++round) {
-      map = Refine(posed, round == 0);
-      posed.cameras = map.cameras;
-      TakePoses(map, posed);
-      const bool dropped = DropOutliers(map, posed);
-      const bool last = round + 1 == options_.refinements;
-      if (last && !dropped) break;
-      if (dropped) map = Triangulate(posed, Match(posed), 0);
-      if (!last) RegisterFrames(map, pairs_, options_.registration, posed);
+      if (round > 0) {
+        RegisterFrames(Triangulate(posed, matches, options_.triangulate), pairs_,
+                       options_.registration, posed);
+        matches = Match(posed);
+      }
+      const Reconstruction adjusted = Triangulate(posed, matches, Adjusting());
+      Take(adjusted, posed);
+      DropOutliers(adjusted, posed);
     }
-    return map;
+    return Triangulate(posed, Match(posed), options_.triangulate);
   }
 
  private:
+  // Poses and cameras of a map.
+  static void Take(const Reconstruction& map, MapInput& posed) {
+    posed.cameras = CamerasOf(map, posed);
+    TakePoses(map, posed);
+  }
+
   // COLMAP keeps the cameras' order, unless one has no image.
   static std::vector<Camera> CamerasOf(const Reconstruction& map, const MapInput& input) {
     std::vector<Camera> cameras = input.cameras;
@@ -99,28 +105,24 @@ class Mapper {
         known.push_back(frames);
       }
     }
-    return VerifyPairs(posed, known, options_.two_view, jobs_, Open(stages_, "matching again"));
+    TwoViewOptions two_view = options_.two_view;
+    two_view.max_error_known_px = options_.max_match_error_px;
+    return VerifyPairs(posed, known, two_view, jobs_, Open(stages_, "matching again"));
+  }
+
+  TriangulateOptions Adjusting() const {
+    TriangulateOptions options = options_.adjusting;
+    options.adjust.focal |= options_.colmap.refine_focal;
+    return options;
   }
 
   Reconstruction Triangulate(const MapInput& posed, const std::vector<VerifiedPair>& pairs,
-                             int adjustments) const {
-    TriangulateOptions options = options_.triangulate;
-    options.adjustments = adjustments;
-    options.adjust.poses = true;
-    options.adjust.position_sigma = 0;
-    options.adjust.focal |= options_.colmap.refine_focal;
-    return TriangulateWithPoses(posed, pairs, options, jobs_, Open(stages_, "adjusting"));
+                             const TriangulateOptions& options) const {
+    return TriangulateWithPoses(posed, pairs, options, jobs_,
+                                Open(stages_, options.adjustments > 0 ? "adjusting" : "points"));
   }
 
-  // COLMAP's poses may be off by more than matches tolerate: its own matches come first.
-  Reconstruction Refine(const MapInput& posed, bool first) const {
-    if (first) {
-      return Triangulate(posed, {pairs_.begin(), pairs_.end()}, 2);
-    }
-    return Triangulate(posed, Match(posed), 2);
-  }
-
-  bool DropOutliers(const Reconstruction& map, MapInput& posed) const {
+  void DropOutliers(const Reconstruction& map, MapInput& posed) const {
     std::vector<std::vector<double>> errors(posed.frames.size());
     for (const VerifiedPair& pair : pairs_) {
       const auto& first = posed.frames[pair.frames.first_idx].cam_from_world;
@@ -131,7 +133,6 @@ class Mapper {
       errors[pair.frames.first_idx].push_back(error);
       errors[pair.frames.second_idx].push_back(error);
     }
-    bool dropped = false;
     std::size_t image = 0;
     for (std::size_t f = 0; f < posed.frames.size(); ++f) {
       if (!posed.frames[f].cam_from_world) continue;
@@ -142,9 +143,7 @@ class Mapper {
         continue;
       }
       posed.frames[f].cam_from_world.reset();
-      dropped = true;
     }
-    return dropped;
   }
 
   static double Median(std::vector<double>& values) {

@@ -18,7 +18,11 @@ struct SfmOptions {
   ConsistencyOptions consistency;
   LookAlikeOptions look_alikes;
   ColmapOptions colmap;
-  TriangulateOptions triangulate;
+  // While poses are adjusted: observations and matches that are off by more, and points of small
+  // angles, bend a walk by centimetres although each of them errs by little.
+  TriangulateOptions adjusting{.max_error_px = 2, .min_angle_deg = 3, .adjustments = 2};
+  double max_match_error_px = 1.5;
+  TriangulateOptions triangulate;  // of the map, once its poses stand
   RegisterOptions registration;
   int refinements = 2;  // rounds of: match under the poses, triangulate, adjust, register
   int min_frames = 10;  // of a map that is worth keeping
@@ -36,7 +40,7 @@ struct SfmResult {
 // show places which only look alike, are put aside (KeepConsistentPairs(), DropLookAlikes());
 // COLMAP's mapper makes poses from the rest; under them frames are matched again, points
 // triangulated and adjusted together with the poses (COLMAP's own result can be bent), images
-// that contradict their pairs dropped, and missed frames registered. Frames that are left make
+// that contradict their pairs dropped, missed frames registered, and points triangulated anew. Frames that are left make
 // maps of their own where they can. Poses in `input` are not used.
 //   candidates  pairs of frames that may show the same: SelectPairs()
 //   pairs       those of them that VerifyPairs() kept

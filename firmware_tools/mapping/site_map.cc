@@ -47,7 +47,6 @@ SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates
   sfm.colmap.work_folder = options.work_folder;
   sfm.colmap.seed = options.seed;
   sfm.colmap.refine_focal = input.focal_is_guess;
-  sfm.triangulate.adjust.focal = input.focal_is_guess;
   SfmResult result = MapPhotographs(input, candidates, pairs, sfm, options.jobs, stages);
   site.maps = std::move(result.maps);
   if (site.maps.size() > 1) {

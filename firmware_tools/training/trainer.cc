@@ -255,6 +255,16 @@ std::vector<T> Kept(const std::vector<T>& all, const std::vector<int>& kept) {
   return part;
 }
 
+std::optional<FeatureStore> ExtractMapFeatures(const ImageSet& set, const TrainOptions& options,
+                                               std::span<const int> image_idxs,
+                                               const StageProgress& stages) {
+  const bool has_map = options.map.source != MapSource::kNone;
+  if (!has_map || options.map_features <= options.features.max_features) return std::nullopt;
+  FeatureOptions more = options.features;
+  more.max_features = options.map_features;
+  return ExtractFeatures(set, image_idxs, more, options.jobs, Begin(stages, "features of the map"));
+}
+
 // Locations and views where poses come from the map; samples that have no place then are
 // dropped. Units are the map's own, so that cells are made by the number of images in them.
 void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vector<int>& samples,
@@ -307,7 +317,8 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const Tr
   prepared.gram = GramMatrix(prepared.histograms, vocabulary.size(), options.jobs);
   prepared.similarities = KeyframeSimilarities(prepared.histograms, prepared.keyframe_histograms,
                                                vocabulary.size(), options.jobs);
-  prepared.site = MapSite(set, prepared.features, samples, prepared.gram, options.map, stages);
+  prepared.map_features = ExtractMapFeatures(set, options, samples, stages);
+  prepared.site = MapSite(set, prepared.MapFeatures(), samples, prepared.gram, options.map, stages);
   if (map_first) {
     LabelByMap(set, options, samples, prepared);
   } else {
@@ -387,7 +398,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   QuantizeWeights(scores, model);
   model.confidence = ConfidenceOf(labels, tried.front());
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
-  AddMapToModel(prepared.site, set, prepared.features, keyframes, options.model_map, model);
+  AddMapToModel(prepared.site, set, prepared.MapFeatures(), keyframes, options.model_map, model);
   if (options.floor_plan) {
     const FloorPlan& plan = *options.floor_plan;
     model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};

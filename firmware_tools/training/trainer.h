@@ -31,6 +31,9 @@ struct TrainOptions {
   std::optional<bool> other_views_negative;
   int folds = 4;          // of held-out blocks, >= 2
   SiteMapOptions map;     // where landmarks come from
+  // Of an image, for the map: more make it firmer than what a board has time for. No fewer than
+  // features.max_features are taken.
+  int map_features = 1500;
   ModelMapOptions model_map;
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   std::uint64_t seed = 1;
@@ -44,6 +47,7 @@ using StageProgress = std::function<Progress(const std::string& stage)>;
 // `check` can report on a set without writing one.
 struct Preparation {
   FeatureStore features;
+  std::optional<FeatureStore> map_features;    // where the map has more of them
   std::vector<std::int8_t> words;              // [num_words, dim]
   std::vector<Histogram> histograms;           // [samples] as of frames
   std::vector<Histogram> keyframe_histograms;  // [samples]
@@ -52,6 +56,8 @@ struct Preparation {
   Labels labels;
   SiteMap site;
   std::vector<std::string> warnings;
+
+  const FeatureStore& MapFeatures() const { return map_features ? *map_features : features; }
 };
 
 // Features of the training split. Images that fail are in FeatureStore::failures.
