@@ -283,8 +283,8 @@ cv::Mat DrawFloorPlan(Random& random) {
   Write(image, RandomPhrase(random, 2), {30, 56}, 30, {120, 60, 20}, 400, true);
   const int corridor = 200 + random.Below(120);
   int number = 1;
-  for (const cv::Rect& side : {cv::Rect(30, 80, 0, corridor - 80),
-                               cv::Rect(30, corridor + 40, 0, 410 - corridor)}) {
+  for (const cv::Rect& side :
+       {cv::Rect(30, 80, 0, corridor - 80), cv::Rect(30, corridor + 40, 0, 410 - corridor)}) {
     for (int x = side.x; x < 600;) {
       const int width = std::min(690 - x, 80 + random.Below(140));
       const cv::Rect room(x, side.y, width, side.height - random.Below(40));

@@ -107,8 +107,8 @@ Building::Building(Random random) : fashion(random) {
   const int first_number = 100 + random.Below(300);
   const int number_step = 1 + random.Below(9);
   for (int i = 0; i < 4; ++i) {
-    doors.push_back(Bake(DrawDoor(random, door_design, door_wood,
-                                  std::to_string(first_number + number_step * i))));
+    doors.push_back(Bake(
+        DrawDoor(random, door_design, door_wood, std::to_string(first_number + number_step * i))));
   }
   for (int i = 0; i < 6; ++i) posters.push_back(Bake(DrawPoster(random)));
   for (int i = 0; i < 12; ++i) people.push_back(Bake(DrawPerson(random)));

@@ -82,8 +82,9 @@ void RoomBuilder::Vase(Vector3f base, float scale) {
   const TexturePtr glaze = Bake(DrawWallpaper(
       random, {random.Uniform(30, 220), random.Uniform(30, 200), random.Uniform(30, 220)}));
   for (std::size_t i = 0; i < building.fashion.vase.size(); ++i) {
-    Cylinder(base + 0.09f * scale * static_cast<float>(i) * kUp, 0.18f * scale * building.fashion.vase[i],
-             0.09f * scale, glaze, building.disc_dark, 10);
+    Cylinder(base + 0.09f * scale * static_cast<float>(i) * kUp,
+             0.18f * scale * building.fashion.vase[i], 0.09f * scale, glaze, building.disc_dark,
+             10);
   }
 }
 

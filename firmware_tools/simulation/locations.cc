@@ -11,9 +11,6 @@ namespace {
 
 using Eigen::Vector3f;
 
-constexpr float kSide = 0.78f;  // radians between the middle view and the others, about
-constexpr float kEdge = 0.3f;   // metres at a wall's ends that stay free
-
 // `kind` or a word of this building's own, so that no two museums have the same signs.
 std::string Title(Random& random, const std::string& kind) {
   const std::string word = RandomWord(random);
@@ -36,7 +33,7 @@ Counter PutCounter(RoomBuilder& b, const TexturePtr& sides) {
   c.width = std::min(b.Draw(2.6, 4.6), b.width() - 1.4f);
   c.depth = b.Draw(0.5, 0.8);
   c.height = b.Draw(0.9, 1.15);
-  c.x = b.Draw(double{c.width / 2 + kEdge}, double{b.width() - c.width / 2 - kEdge});
+  c.x = b.Draw(double{c.width / 2 + 0.3f}, double{b.width() - c.width / 2 - 0.3f});
   c.y = b.depth() - b.Draw(1.1, 1.4);
   b.Box({c.x, c.y, 0}, {c.width, c.depth, c.height}, sides);
   b.Box({c.x, c.y, c.height}, {c.width + 0.2f, c.depth + 0.15f, 0.06f}, b.building.marble);
@@ -67,8 +64,8 @@ void LadeCafeCounter(RoomBuilder& b, const Counter& counter) {
   const float share = counter.width / 3;
   b.Box(part(0), {share * b.Draw(0.4, 0.7), 0.42f, b.Draw(0.35, 0.55)}, s.metal, s.metal, 0,
         Bake(DrawScreen(b.random)));
-  b.Box(part(1), {share * b.Draw(0.6, 0.95), 0.42f, b.Draw(0.3, 0.45)},
-        Bake(DrawBottles(b.random)), s.white);
+  b.Box(part(1), {share * b.Draw(0.6, 0.95), 0.42f, b.Draw(0.3, 0.45)}, Bake(DrawBottles(b.random)),
+        s.white);
   for (int cup = b.Count(4, 8); cup > 0; --cup) {
     const Vector3f off(share * b.Draw(-0.4, 0.4), b.Draw(-0.18, 0.18), 0);
     b.Cylinder(part(2) + off, 0.05f, 0.11f, s.white, s.disc_dark, 8);
@@ -86,16 +83,10 @@ void LayRug(RoomBuilder& b) {
   b.FloorPatch(x, y, width, depth, Bake(DrawRug(b.random)));
 }
 
-// Against the back wall, posters too.
-void SpreadBack(RoomBuilder& b, std::vector<WallThing> things, int posters) {
-  for (; posters > 0; --posters) things.push_back(b.Poster());
-  b.Spread(Wall::kBack, kEdge, b.width() - kEdge, std::move(things));
-}
-
 }  // namespace
 
 void Cafe(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), RoomFloor(b));
   const int planks = 4 + b.random.Below(6);
   const Counter counter =
@@ -107,7 +98,7 @@ void Cafe(RoomBuilder& b) {
     const std::string title = Capitals(RandomWord(b.random));
     back.push_back(b.Picture(1.0f, 1.2f, 1.35f, Bake(DrawMenu(b.random, title))));
   }
-  SpreadBack(b, std::move(back), 2);
+  b.SpreadBack(std::move(back), 2);
   std::vector<WallThing> sides{b.Shelves(2.2f, 4, 0.42f, DrawBottles), Window(b)};
   if (b.Count(0, 1)) sides.push_back(Window(b));
   b.SpreadSides(std::move(sides));
@@ -125,7 +116,7 @@ void Hallway(RoomBuilder& b) {
       b.Picture(1.6f, 1.07f, 0.95f, Bake(DrawFloorPlan(b.random)))};
   for (int i = b.Count(1, 4); i > 0; --i) sides.push_back(b.Poster());
   b.SpreadSides(std::move(sides));
-  SpreadBack(b, {b.Picture(1.7f, 1.5f, 0.7f, Bake(DrawWindow(b.random)), 0.6f)}, 2);
+  b.SpreadBack({b.Picture(1.7f, 1.5f, 0.7f, Bake(DrawWindow(b.random)), 0.6f)}, 2);
   b.Sign(Wall::kBack, b.width() / 2, Title(b.random, "ROOMS"));
   const float length = b.Draw(1.1, 1.7);
   b.Scatter(b.Count(1, 2), 0.45f, length, [&](float x, float y) { b.Bench(x, y, 0.4f, length); });
@@ -152,8 +143,7 @@ Flight DrawFlight(RoomBuilder& b) {
 
 void PutFlight(RoomBuilder& b, const Flight& f) {
   const Building& s = b.building;
-  const TexturePtr riser =
-      Bake(DrawMarble(b.random, RandomColour(b.random, 10, 60, 110, 190)));
+  const TexturePtr riser = Bake(DrawMarble(b.random, RandomColour(b.random, 10, 60, 110, 190)));
   for (int i = 0; i < f.steps; ++i) {
     const float y0 = f.front + f.going * static_cast<float>(i);
     const float length = b.depth() - y0, z = f.rise * static_cast<float>(i);
@@ -171,7 +161,7 @@ void PutFlight(RoomBuilder& b, const Flight& f) {
 }  // namespace
 
 void Stairs(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), b.building.floor);
   const Flight flight = DrawFlight(b);
   PutFlight(b, flight);
@@ -198,7 +188,7 @@ void Stairs(RoomBuilder& b) {
 
 void Lobby(RoomBuilder& b) {
   const Building& s = b.building;
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(s.coverings[0], s.marble);
   const int planks = 3 + b.random.Below(6);
   const Counter desk =
@@ -213,7 +203,7 @@ void Lobby(RoomBuilder& b) {
   b.Box(screen, {b.Draw(0.4, 0.6), 0.06f, b.Draw(0.28, 0.38)}, s.black, s.black, 0,
         Bake(DrawScreen(b.random)));
   b.Sign(Wall::kBack, desk.x, Title(b.random, "MUSEUM"));
-  SpreadBack(b, {b.Picture(1.4f, 0.8f, 1.35f, Bake(DrawScreen(b.random)), 0.6f)}, 3);
+  b.SpreadBack({b.Picture(1.4f, 0.8f, 1.35f, Bake(DrawScreen(b.random)), 0.6f)}, 3);
   b.SpreadSides({Window(b), b.Picture(2.1f, 1.4f, 0.9f, Bake(DrawFloorPlan(b.random))), Window(b)});
   b.Scatter(b.Count(2, 4), 0.7f, 0.7f, [&](float x, float y) { b.Pillar(x, y); });
   LayRug(b);
@@ -291,7 +281,7 @@ WallThing SideWindow(RoomBuilder& b, const ShopFittings& fittings) {
 }  // namespace
 
 void ShowWindow(RoomBuilder& b, int number) {
-  b.Approaches(kSide);
+  b.Approaches();
   const ShopFittings fittings(b.layout);
   b.Shell({fittings.panel, b.Draw(1.3, 2.0), b.Draw(2.0, 2.8)}, b.building.floor);
   FrontWindow(b, fittings);
@@ -333,24 +323,23 @@ void ReadingTable(RoomBuilder& b, float x, float y, float width) {
 }  // namespace
 
 void BookShelf(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), RoomFloor(b));
   std::vector<WallThing> back;
   for (int i = b.Count(2, 3); i > 0; --i) back.push_back(Subject(b, 6));
-  SpreadBack(b, std::move(back), 2);
+  b.SpreadBack(std::move(back), 2);
   std::vector<WallThing> sides;
   for (int i = b.Count(3, 5); i > 0; --i) sides.push_back(Subject(b, 6));
   b.SpreadSides(std::move(sides));
   const float width = b.Draw(1.3, 2.0);
-  b.Scatter(b.Count(1, 2), width, 1.8f,
-            [&](float x, float y) { ReadingTable(b, x, y, width); });
+  b.Scatter(b.Count(1, 2), width, 1.8f, [&](float x, float y) { ReadingTable(b, x, y, width); });
   b.Scatter(b.Count(1, 3), 0.6f, 0.6f, [&](float x, float y) {
     b.Box({x, y, 0}, {0.5f, 0.4f, 0.45f}, b.building.wood);
   });
 }
 
 void VideoRoom(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), RoomFloor(b), 0.55f);
   const auto screen = [&](float width) {
     const float bottom = b.Draw(0.8, 1.3);
@@ -358,7 +347,7 @@ void VideoRoom(RoomBuilder& b) {
   };
   std::vector<WallThing> back{screen(b.Draw(2.4, 3.4))};
   for (int i = b.Count(1, 3); i > 0; --i) back.push_back(screen(1.3f));
-  SpreadBack(b, std::move(back), 1);
+  b.SpreadBack(std::move(back), 1);
   b.Sign(Wall::kBack, b.width() * b.Draw(0.3, 0.7), Title(b.random, "VIDEO"));
   std::vector<WallThing> sides;
   for (int i = b.Count(5, 7); i > 0; --i) {
@@ -375,7 +364,7 @@ void VideoRoom(RoomBuilder& b) {
 }
 
 void SpecialRoom(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), RoomFloor(b));
   const auto painting = [&] {
     const float width = b.Draw(1.0, 2.0);
@@ -388,17 +377,15 @@ void SpecialRoom(RoomBuilder& b) {
     const std::string title = RandomWord(b.random);
     sides.push_back(b.Picture(0.3f, 0.4f, 1.0f, Bake(DrawInfoPanel(b.random, title))));
   }
-  b.Spread(Wall::kBack, kEdge, b.width() - kEdge, std::move(back));
+  b.SpreadBack(std::move(back), 0);
   b.SpreadSides(std::move(sides));
   LayRug(b);
   b.Scatter(b.Count(2, 4), 0.7f, 0.7f, [&](float x, float y) {
     const float height = b.Draw(0.8, 1.15);
     b.Plinth(x, y, height), b.Vase({x, y, height}, b.Draw(0.8, 1.2));
   });
-  b.Scatter(b.Count(1, 3), 0.3f, 1.7f,
-            [&](float x, float y) { b.Rope(x, y - 0.7f, x, y + 0.7f); });
-  b.Scatter(b.Count(0, 2), 1.7f, 0.3f,
-            [&](float x, float y) { b.Rope(x - 0.7f, y, x + 0.7f, y); });
+  b.Scatter(b.Count(1, 3), 0.3f, 1.7f, [&](float x, float y) { b.Rope(x, y - 0.7f, x, y + 0.7f); });
+  b.Scatter(b.Count(0, 2), 1.7f, 0.3f, [&](float x, float y) { b.Rope(x - 0.7f, y, x + 0.7f, y); });
 }
 
 namespace {
@@ -421,7 +408,8 @@ void GlassCase(RoomBuilder& b, float x, float y, const CaseSize& size) {
   b.CutOut({x - side * 0.2f * size.width, y, size.base + 0.02f}, 0.5f, 0.5f,
            Bake(DrawFossil(b.random)), false, b.Draw(-0.4, 0.4));
   b.Vase({x + side * 0.26f * size.width, y, size.base}, 0.7f);
-  const std::string label = Capitals(RandomWord(b.random)) + " " + std::to_string(b.random.Below(90));
+  const std::string label =
+      Capitals(RandomWord(b.random)) + " " + std::to_string(b.random.Below(90));
   b.Box({x, y - size.depth / 2 - 0.01f, size.base * 0.65f}, {0.5f, 0.02f, 0.2f}, s.metal, nullptr,
         0, Bake(DrawSign(label, {235, 240, 240}, {30, 30, 30})));
 }
@@ -444,7 +432,7 @@ WallThing Panel(RoomBuilder& b) {
 }  // namespace
 
 void Exhibit(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), b.building.floor);
   b.Sign(Wall::kBack, b.width() * b.Draw(0.35, 0.65), Title(b.random, "FOSSILS"));
   std::vector<WallThing> back, sides;
@@ -453,7 +441,7 @@ void Exhibit(RoomBuilder& b) {
     sides.push_back(Panel(b));
     sides.push_back(b.Picture(1.3f, 1.4f, 0.9f, FossilBoard(b.random)));
   }
-  b.Spread(Wall::kBack, kEdge, b.width() - kEdge, std::move(back));
+  b.SpreadBack(std::move(back), 0);
   b.SpreadSides(std::move(sides));
   const CaseSize size{b.Draw(0.85, 1.2), b.Draw(0.5, 0.7), b.Draw(0.8, 0.95), b.Draw(0.6, 0.8)};
   b.Scatter(b.Count(5, 7), size.width + 0.1f, size.depth + 0.15f,

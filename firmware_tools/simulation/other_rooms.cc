@@ -8,14 +8,6 @@
 namespace viewfix::simulation {
 namespace {
 
-constexpr float kSide = 0.78f;  // radians between the middle view and the others, about
-constexpr float kEdge = 0.3f;   // metres at a wall's ends that stay free
-
-void SpreadBack(RoomBuilder& b, std::vector<WallThing> things) {
-  for (int i = 0; i < 2; ++i) things.push_back(b.Poster());
-  b.Spread(Wall::kBack, kEdge, b.width() - kEdge, std::move(things));
-}
-
 WallThing Board(RoomBuilder& b, cv::Mat (*draw)(Random&), float glow = 0) {
   const float width = b.Draw(1.8, 2.8);
   return b.Picture(width, b.Draw(1.2, 1.7), 0.9f, Bake(draw(b.random)), glow);
@@ -34,30 +26,29 @@ void Desk(RoomBuilder& b, float x, float y) {
 }  // namespace
 
 void Office(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(b.building.coverings[0], RoomFloor(b));
-  SpreadBack(b, {Board(b, DrawWhiteboard)});
+  b.SpreadBack({Board(b, DrawWhiteboard)}, 2);
   b.SpreadSides({b.Shelves(2.2f, 4, 0.38f, DrawBooks), Board(b, DrawNoticeBoard)});
   b.Scatter(b.Count(3, 5), 1.5f, 1.5f, [&](float x, float y) { Desk(b, x, y); });
   b.Scatter(1, 0.8f, 0.8f, [&](float x, float y) { b.Plant(x, y); });
 }
 
 void Classroom(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), RoomFloor(b));
   const std::string lesson = Capitals(RandomWord(b.random));
-  SpreadBack(b, {b.Picture(2.0f, 1.5f, 0.9f, Bake(DrawMenu(b.random, lesson))),
-                 Board(b, DrawWhiteboard)});
+  b.SpreadBack(
+      {b.Picture(2.0f, 1.5f, 0.9f, Bake(DrawMenu(b.random, lesson))), Board(b, DrawWhiteboard)}, 2);
   b.SpreadSides({Board(b, DrawWindow, 0.5f), Board(b, DrawNoticeBoard)});
-  b.Scatter(b.Count(4, 6), 1.4f, 1.3f, [&](float x, float y) {
-    b.Table(x, y, 1.3f, 0.6f), b.Chair(x, y - 0.5f, 3.14f);
-  });
+  b.Scatter(b.Count(4, 6), 1.4f, 1.3f,
+            [&](float x, float y) { b.Table(x, y, 1.3f, 0.6f), b.Chair(x, y - 0.5f, 3.14f); });
 }
 
 void Store(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), b.building.floor, 0.8f);
-  SpreadBack(b, {});
+  b.SpreadBack({}, 2);
   b.Sign(Wall::kBack, b.width() / 2, "STORE " + Capitals(RandomWord(b.random)));
   b.SpreadSides({b.Shelves(2.4f, 4, 0.5f, DrawBottles), b.Shelves(2.4f, 4, 0.5f, DrawBottles)});
   b.Scatter(b.Count(14, 20), 0.8f, 0.8f, [&](float x, float y) {
@@ -85,7 +76,7 @@ WallThing Locker(RoomBuilder& b, float width, float height, const cv::Scalar& co
 }  // namespace
 
 void Lockers(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), b.building.floor);
   const cv::Scalar colours[] = {RandomColour(b.random, 60, 200, 80, 200),
                                 RandomColour(b.random, 60, 200, 80, 200)};
@@ -97,15 +88,15 @@ void Lockers(RoomBuilder& b) {
     }
     return lockers;
   };
-  SpreadBack(b, row(8));
+  b.SpreadBack(row(8), 2);
   b.SpreadSides(row(14));
   b.Scatter(b.Count(1, 3), 2.4f, 0.5f, [&](float x, float y) { b.Bench(x, y, 2.2f, 0.4f); });
 }
 
 void Workshop(RoomBuilder& b) {
-  b.Approaches(kSide);
+  b.Approaches();
   b.Shell(RoomWalls(b), b.building.floor);
-  SpreadBack(b, {Board(b, DrawNoticeBoard)});
+  b.SpreadBack({Board(b, DrawNoticeBoard)}, 2);
   b.SpreadSides({b.Shelves(1.8f, 5, 0.36f, DrawBottles), Board(b, DrawWindow, 0.5f)});
   b.Scatter(b.Count(2, 4), 1.9f, 0.9f, [&](float x, float y) {
     const float top = b.building.fashion.table_height;

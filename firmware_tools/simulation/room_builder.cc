@@ -79,10 +79,8 @@ void RoomBuilder::Lamps(float brightness) {
     for (int row = 0; row < rows; ++row) {
       const float x = between * (static_cast<float>(row) + 0.5f);
       const float z = room_.height - 0.02f;
-      Quad lamp{{x - along_x / 2, y - along_y / 2, z},
-                {along_x, 0, 0},
-                {0, along_y, 0},
-                building.lamp};
+      Quad lamp{
+          {x - along_x / 2, y - along_y / 2, z}, {along_x, 0, 0}, {0, along_y, 0}, building.lamp};
       lamp.glow = 1.1f * brightness;
       lamp.casts_shadow = false;
       room_.scene.Add(lamp);
@@ -223,9 +221,7 @@ WallThing RoomBuilder::Door() {
           }};
 }
 
-WallThing RoomBuilder::Extinguisher() {
-  return Picture(0.22f, 0.6f, 0.8f, building.extinguisher);
-}
+WallThing RoomBuilder::Extinguisher() { return Picture(0.22f, 0.6f, 0.8f, building.extinguisher); }
 
 WallThing RoomBuilder::Shelves(float width, int boards, float board_height,
                                cv::Mat (*draw)(Random&)) {
@@ -234,9 +230,8 @@ WallThing RoomBuilder::Shelves(float width, int boards, float board_height,
   const float bottom = Draw(0.08, 0.5);
   const int count =
       std::min(boards, static_cast<int>((room_.height - kSigns - bottom - 0.1f) / step));
-  return {w + 0.1f, [=, this](Wall wall, float along) {
-            Shelf(wall, along, w, count, step, bottom, draw);
-          }};
+  return {w + 0.1f,
+          [=, this](Wall wall, float along) { Shelf(wall, along, w, count, step, bottom, draw); }};
 }
 
 void RoomBuilder::Spread(Wall wall, float from, float to, std::vector<WallThing> things) {
@@ -260,6 +255,12 @@ void RoomBuilder::Spread(Wall wall, float from, float to, std::vector<WallThing>
     placed[i].put(wall, along);
     along += placed[i].width / 2;
   }
+}
+
+void RoomBuilder::SpreadBack(std::vector<WallThing> things, int posters) {
+  constexpr float kEdge = 0.3f;
+  for (; posters > 0; --posters) things.push_back(Poster());
+  Spread(Wall::kBack, kEdge, room_.width - kEdge, std::move(things));
 }
 
 void RoomBuilder::SpreadSides(std::vector<WallThing> things) {
@@ -305,7 +306,8 @@ void RoomBuilder::Scatter(int count, float width, float depth,
   const Eigen::Vector2f half(width / 2, depth / 2);
   for (int attempt = 0; count > 0 && attempt < 200; ++attempt) {
     const float x = Draw(double{half.x() + kOffWall}, double{room_.width - half.x() - kOffWall});
-    const float y = Draw(double{kEntrance * room_.depth}, double{room_.depth - half.y() - kOffWall});
+    const float y =
+        Draw(double{kEntrance * room_.depth}, double{room_.depth - half.y() - kOffWall});
     const Eigen::Vector2f at(x, y);
     if (!IsFree({at - half, at + half})) continue;
     Occupy(x, y, width, depth);

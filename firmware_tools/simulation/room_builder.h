@@ -42,7 +42,7 @@ class RoomBuilder {
 
   // Where the room is photographed from, drawn: ahead, and to either side at about
   // `side_heading` radians. First of all, so that the furniture leaves these lines free.
-  void Approaches(float side_heading);
+  void Approaches(float side_heading = 0.78f);
 
   // Walls, floor, ceiling with lamps, skirting.
   void Shell(const Covering& walls, const TexturePtr& floor, float brightness = 1);
@@ -82,9 +82,11 @@ class RoomBuilder {
   WallThing Extinguisher();
   WallThing Shelves(float width, int boards, float board_height, cv::Mat (*draw)(Random&));
 
-  // Puts things side by side between `from` and `to`, in drawn order with drawn gaps. Those for
-  // which there is no place, from the last of `things` on, are left away.
+  // Puts things side by side between `from` and `to`, in drawn order with drawn gaps. What does
+  // not fit beside those before it in `things` is left away.
   void Spread(Wall wall, float from, float to, std::vector<WallThing> things);
+  // Things and `posters` on the back wall.
+  void SpreadBack(std::vector<WallThing> things, int posters);
   // Deals things and the doors and posters that all rooms have to the walls left and right.
   void SpreadSides(std::vector<WallThing> things);
 
