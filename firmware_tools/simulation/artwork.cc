@@ -226,7 +226,8 @@ cv::Mat DrawDoor(Random& random, Random design, cv::Scalar wood, const std::stri
     }
   }
   if (design.Chance(0.6)) {
-    const cv::Rect pane(70 + design.Below(40), 80, 50 + design.Below(60), 80 + design.Below(100));
+    const int height = 80 + design.Below(100), width = 50 + design.Below(60);
+    const cv::Rect pane(70 + design.Below(40), 80, width, height);
     VerticalGradient(image, pane, {210, 200, 180}, {150, 140, 120});
     cv::rectangle(image, pane, {50, 60, 70}, 4);
   }
@@ -234,7 +235,8 @@ cv::Mat DrawDoor(Random& random, Random design, cv::Scalar wood, const std::stri
   cv::rectangle(image, {handle - 6, lock, 12, 40}, {190, 195, 200}, cv::FILLED);
   cv::line(image, {handle, lock + 16}, {handle < 128 ? handle + 30 : handle - 30, lock + 16},
            {220, 225, 228}, 8, cv::LINE_AA);
-  const cv::Point plate(40 + design.Below(100), 20 + design.Below(12));
+  const int plate_top = 20 + design.Below(12);
+  const cv::Point plate(40 + design.Below(100), plate_top);
   cv::rectangle(image, {plate, cv::Size(76, 30)}, kWhite, cv::FILLED);
   Write(image, number, plate + cv::Point(8, 23), 18, kInk, 62, true);
   cv::rectangle(image, {0, 0, 256, 512}, Shade(wood, 0.6), 14);
@@ -316,16 +318,28 @@ cv::Mat DrawWhiteboard(Random& random) {
   return image;
 }
 
-cv::Mat DrawExtinguisher() {
-  cv::Mat image(256, 96, CV_8UC3, cv::Scalar(225, 228, 230));
-  cv::rectangle(image, {22, 80, 52, 168}, {30, 30, 190}, cv::FILLED);
-  cv::ellipse(image, {48, 82}, {26, 20}, 0, 180, 360, {30, 30, 190}, cv::FILLED, cv::LINE_AA);
-  cv::rectangle(image, {40, 40, 16, 26}, {30, 30, 30}, cv::FILLED);
-  cv::line(image, {30, 38}, {70, 30}, {30, 30, 30}, 8, cv::LINE_AA);
-  cv::ellipse(image, {64, 100}, {22, 60}, 0, -90, 90, {25, 25, 25}, 5, cv::LINE_AA);
-  cv::rectangle(image, {28, 120, 40, 60}, kWhite, cv::FILLED);
-  Write(image, "FIRE", {31, 142}, 11, {20, 20, 180}, 34, true);
-  for (int y = 150; y < 176; y += 7) cv::line(image, {32, y}, {62, y}, kInk, 2);
+cv::Mat DrawExtinguisher(Random& random) {
+  const cv::Scalar red{random.Uniform(10, 60), random.Uniform(10, 50), random.Uniform(140, 215)};
+  cv::Mat image(256, 96, CV_8UC3, RandomColour(random, 0, 50, 150, 240));
+  const int half = 18 + random.Below(16), shoulder = 60 + random.Below(60);
+  cv::rectangle(image, {48 - half, shoulder, 2 * half, 246 - shoulder}, red, cv::FILLED);
+  cv::ellipse(image, {48, shoulder}, {half, 8 + random.Below(20)}, 0, 180, 360, red, cv::FILLED,
+              cv::LINE_AA);
+  const int neck = 4 + random.Below(8), tilt = random.Below(30) - 15;
+  cv::rectangle(image, {48 - neck, shoulder - 40, 2 * neck, 30}, kInk, cv::FILLED);
+  cv::line(image, {26, shoulder - 40 + tilt}, {70, shoulder - 40 - tilt}, kInk,
+           5 + random.Below(5));
+  const int side = random.Chance(0.5) ? 1 : -1;
+  const int hose_width = 12 + random.Below(14), hose_length = 30 + random.Below(50);
+  cv::ellipse(image, {48 + side * half / 2, shoulder + 20}, {hose_width, hose_length}, 0,
+              -90 * side, 90 * side, kInk, 4 + random.Below(4), cv::LINE_AA);
+  const int label_height = 36 + random.Below(50), label_inset = 2 + random.Below(8);
+  const cv::Rect label(48 - half + label_inset, shoulder + 30, 2 * (half - label_inset),
+                       label_height);
+  cv::rectangle(image, label, RandomColour(random, 0, 160, 180, 255), cv::FILLED);
+  Write(image, RandomWord(random), {label.x + 2, label.y + 16}, 11, red, label.width - 4, true);
+  WriteParagraph(image, random, {label.x + 2, label.y + 16, label.width - 4, label_height - 18}, 4,
+                 kInk);
   return image;
 }
 

@@ -36,7 +36,7 @@ cv::Mat DrawWindow(Random& random);  // daylight and a street
 cv::Mat DrawFloorPlan(Random& random);
 cv::Mat DrawWhiteboard(Random& random);
 cv::Mat DrawLamp(Random& random);
-cv::Mat DrawExtinguisher();
+cv::Mat DrawExtinguisher(Random& random);
 cv::Mat DrawRug(Random& random);
 cv::Mat DrawFossil(Random& random);     // BGRA
 cv::Mat DrawPerson(Random& random);     // BGRA, 0.7 x 1.8 m

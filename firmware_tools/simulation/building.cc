@@ -97,7 +97,6 @@ Building::Building(Random random) : fashion(random) {
   white = Bake(DrawPlaster(random, {232, 236, 238}));
   black = Bake(DrawPlainColour({34, 32, 30}));
   lamp = Bake(DrawLamp(random));
-  extinguisher = Bake(DrawExtinguisher());
   exit_sign = DrawExitSign(random);
   disc_light = Bake(DrawDisc({225, 230, 232}));
   disc_dark = Bake(DrawDisc({40, 52, 70}));
@@ -116,6 +115,7 @@ Building::Building(Random random) : fashion(random) {
   for (int i = 0; i < 3; ++i) wood_boxes.push_back(DrawPanels(random, 1, 3 + i));
   coverings.push_back({plaster, 2, 2});
   for (int i = 0; i < 3; ++i) coverings.push_back(DrawCovering(random));
+  extinguisher = Bake(DrawExtinguisher(random));
 }
 
 }  // namespace viewfix::simulation

@@ -50,7 +50,8 @@ void SetTable(RoomBuilder& b, float x, float y, float size) {
   b.Chair(x, y + out, turn), b.Chair(x, y - out, 3.14f + turn);
   for (int i = 0; i < 3; ++i) {
     const float part = 0.35f * size;
-    const Vector3f at(x + b.Draw(-part, part), y + b.Draw(-part, part), top);
+    const float cup_y = y + b.Draw(-part, part), cup_x = x + b.Draw(-part, part);
+    const Vector3f at(cup_x, cup_y, top);
     b.Cylinder(at, 0.08f, 0.012f, b.building.white, b.building.disc_light, 8);
     b.Cylinder(at, 0.04f, 0.09f, b.building.white, b.building.disc_dark, 8);
   }
@@ -67,7 +68,8 @@ void LadeCafeCounter(RoomBuilder& b, const Counter& counter) {
   b.Box(part(1), {share * b.Draw(0.6, 0.95), 0.42f, b.Draw(0.3, 0.45)}, Bake(DrawBottles(b.random)),
         s.white);
   for (int cup = b.Count(4, 8); cup > 0; --cup) {
-    const Vector3f off(share * b.Draw(-0.4, 0.4), b.Draw(-0.18, 0.18), 0);
+    const float off_y = b.Draw(-0.18, 0.18), off_x = share * b.Draw(-0.4, 0.4);
+    const Vector3f off(off_x, off_y, 0);
     b.Cylinder(part(2) + off, 0.05f, 0.11f, s.white, s.disc_dark, 8);
   }
 }
@@ -87,7 +89,7 @@ void LayRug(RoomBuilder& b) {
 
 void Cafe(RoomBuilder& b) {
   b.Approaches();
-  b.Shell(RoomWalls(b), RoomFloor(b));
+  OwnShell(b);
   const int planks = 4 + b.random.Below(6);
   const Counter counter =
       PutCounter(b, Bake(DrawWood(b.random, RandomColour(b.random, 60, 150, 80, 170), planks)));
@@ -324,7 +326,7 @@ void ReadingTable(RoomBuilder& b, float x, float y, float width) {
 
 void BookShelf(RoomBuilder& b) {
   b.Approaches();
-  b.Shell(RoomWalls(b), RoomFloor(b));
+  OwnShell(b);
   std::vector<WallThing> back;
   for (int i = b.Count(2, 3); i > 0; --i) back.push_back(Subject(b, 6));
   b.SpreadBack(std::move(back), 2);
@@ -340,7 +342,7 @@ void BookShelf(RoomBuilder& b) {
 
 void VideoRoom(RoomBuilder& b) {
   b.Approaches();
-  b.Shell(RoomWalls(b), RoomFloor(b), 0.55f);
+  OwnShell(b, 0.55f);
   const auto screen = [&](float width) {
     const float bottom = b.Draw(0.8, 1.3);
     return b.Picture(width, width * 0.5625f, bottom, Bake(DrawScreen(b.random)), 0.5f);
@@ -365,7 +367,7 @@ void VideoRoom(RoomBuilder& b) {
 
 void SpecialRoom(RoomBuilder& b) {
   b.Approaches();
-  b.Shell(RoomWalls(b), RoomFloor(b));
+  OwnShell(b);
   const auto painting = [&] {
     const float width = b.Draw(1.0, 2.0);
     return b.Picture(width, b.Draw(1.0, 1.6), 0.95f, Bake(DrawPainting(b.random)));

@@ -36,7 +36,7 @@ void Office(RoomBuilder& b) {
 
 void Classroom(RoomBuilder& b) {
   b.Approaches();
-  b.Shell(RoomWalls(b), RoomFloor(b));
+  OwnShell(b);
   const std::string lesson = Capitals(RandomWord(b.random));
   b.SpreadBack(
       {b.Picture(2.0f, 1.5f, 0.9f, Bake(DrawMenu(b.random, lesson))), Board(b, DrawWhiteboard)}, 2);

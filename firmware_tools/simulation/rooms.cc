@@ -64,6 +64,11 @@ TexturePtr RoomFloor(RoomBuilder& b) {
   return b.Any(std::vector<TexturePtr>{s.floor, s.floor, s.wood, s.marble});
 }
 
+void OwnShell(RoomBuilder& b, float brightness) {
+  const TexturePtr floor = RoomFloor(b);
+  b.Shell(RoomWalls(b), floor, brightness);
+}
+
 std::string Capitals(std::string text) {
   for (char& c : text) {
     if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');

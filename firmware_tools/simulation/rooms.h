@@ -29,6 +29,8 @@ void Workshop(RoomBuilder& b);
 // The building's walls, or a covering of this room alone.
 Covering RoomWalls(RoomBuilder& b);
 TexturePtr RoomFloor(RoomBuilder& b);
+// Both of them around the room.
+void OwnShell(RoomBuilder& b, float brightness = 1);
 // Word after word in capitals, as on signs.
 std::string Capitals(std::string text);
 
