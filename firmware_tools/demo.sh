@@ -7,7 +7,7 @@
 #   firmware_tools/demo.sh [--no-install] [--seed N]
 #
 # --no-install  do not install missing Debian packages
-# --seed N      another museum (default 1)
+# --seed N      another building (default 1)
 #
 # Everything goes to build/demo, which is made anew by each run.
 set -euo pipefail

@@ -19,7 +19,7 @@ void AddSimulate(CLI::App& app) {
   command->add_option("--preset", *preset, "what to render")
       ->check(CLI::IsMember({"museum"}))
       ->capture_default_str();
-  command->add_option("--seed", options->seed, "another seed, another museum")
+  command->add_option("--seed", options->seed, "another seed, another building")
       ->capture_default_str();
   command->add_option("--images-per-view", options->images_per_view,
                       "images of each location and view; below 20 also no walk")

@@ -44,13 +44,15 @@ cv::Mat DrawPoster(Random& random) {
 cv::Mat DrawPainting(Random& random) {
   const cv::Size size = random.Chance(0.5) ? cv::Size(640, 480) : cv::Size(480, 600);
   cv::Mat image(size, CV_8UC3, cv::Scalar(52, 110, 150));
+  const cv::Scalar gilding = RandomColour(random, 20, 180, 60, 190);
   for (int ring = 0; ring < 5; ++ring) {
     cv::rectangle(image, {ring * 8, ring * 8, size.width - ring * 16, size.height - ring * 16},
-                  Shade({52, 120, 170}, random.Uniform(0.5, 1.4)), 8);
+                  Shade(gilding, random.Uniform(0.5, 1.4)), 8);
   }
-  for (int x = 24; x < size.width; x += 36) {
-    cv::circle(image, {x, 20}, 8, {90, 170, 215}, 2, cv::LINE_AA);
-    cv::circle(image, {x, size.height - 20}, 8, {90, 170, 215}, 2, cv::LINE_AA);
+  const int step = 20 + random.Below(60), bead = 4 + random.Below(7);
+  for (int x = step / 2; x < size.width; x += step) {
+    cv::circle(image, {x, 20}, bead, Shade(gilding, 1.5), 2, cv::LINE_AA);
+    cv::circle(image, {x, size.height - 20}, bead, Shade(gilding, 1.5), 2, cv::LINE_AA);
   }
   const cv::Rect canvas(42, 42, size.width - 84, size.height - 84);
   PaintScenery(image, random, canvas);
@@ -209,21 +211,35 @@ cv::Mat DrawSign(const std::string& text, cv::Scalar ground, cv::Scalar ink) {
   return image;
 }
 
-cv::Mat DrawDoor(Random& random, const std::string& number) {
+cv::Mat DrawDoor(Random& random, Random design, cv::Scalar wood, const std::string& number) {
   cv::Mat image(512, 256, CV_8UC3);
-  cv::resize(DrawWood(random, {70, 105, 150}, 1), image, image.size());
-  for (const cv::Rect& panel : {cv::Rect(36, 290, 184, 180), cv::Rect(36, 60, 184, 200)}) {
-    cv::rectangle(image, panel, {40, 62, 92}, 5);
-    cv::rectangle(image, {panel.x + 9, panel.y + 9, panel.width - 18, panel.height - 18},
-                  {105, 145, 190}, 2);
+  cv::resize(DrawWood(random, wood, 1), image, image.size());
+  const int rail = 24 + design.Below(24), lock = 240 + design.Below(60);
+  const int columns = 1 + design.Below(2), bead = 3 + design.Below(4);
+  const int panel_width = (256 - rail * (columns + 1)) / columns;
+  for (int i = 0; i < columns; ++i) {
+    const int x = rail + i * (panel_width + rail);
+    for (const cv::Rect& panel : {cv::Rect(x, lock + 40, panel_width, 440 - lock),
+                                  cv::Rect(x, 66, panel_width, lock - 90)}) {
+      cv::rectangle(image, panel, Shade(wood, 0.55), bead);
+      cv::rectangle(image, panel - cv::Size(18, 18) + cv::Point(9, 9), Shade(wood, 1.35), 2);
+    }
   }
-  VerticalGradient(image, {92, 84, 72, 150}, {210, 200, 180}, {150, 140, 120});  // its pane
-  cv::rectangle(image, {92, 84, 72, 150}, {50, 60, 70}, 4);
-  cv::rectangle(image, {18, 262, 12, 40}, {190, 195, 200}, cv::FILLED);
-  cv::line(image, {24, 278}, {54, 278}, {220, 225, 228}, 8, cv::LINE_AA);
-  cv::rectangle(image, {90, 22, 76, 30}, kWhite, cv::FILLED);
-  Write(image, number, {98, 45}, 18, kInk, 62, true);
-  cv::rectangle(image, {0, 0, 256, 512}, {60, 72, 84}, 14);
+  if (design.Chance(0.6)) {
+    const int height = 80 + design.Below(100), width = 50 + design.Below(60);
+    const cv::Rect pane(70 + design.Below(40), 80, width, height);
+    VerticalGradient(image, pane, {210, 200, 180}, {150, 140, 120});
+    cv::rectangle(image, pane, {50, 60, 70}, 4);
+  }
+  const int handle = design.Chance(0.5) ? 24 : 226;
+  cv::rectangle(image, {handle - 6, lock, 12, 40}, {190, 195, 200}, cv::FILLED);
+  cv::line(image, {handle, lock + 16}, {handle < 128 ? handle + 30 : handle - 30, lock + 16},
+           {220, 225, 228}, 8, cv::LINE_AA);
+  const int plate_top = 20 + design.Below(12);
+  const cv::Point plate(40 + design.Below(100), plate_top);
+  cv::rectangle(image, {plate, cv::Size(76, 30)}, kWhite, cv::FILLED);
+  Write(image, number, plate + cv::Point(8, 23), 18, kInk, 62, true);
+  cv::rectangle(image, {0, 0, 256, 512}, Shade(wood, 0.6), 14);
   return image;
 }
 
@@ -253,24 +269,36 @@ cv::Mat DrawWindow(Random& random) {
                  cv::FILLED, cv::LINE_AA);
     }
   }
-  const cv::Scalar frame(72, 78, 84);
-  cv::rectangle(image, {0, 0, 640, 512}, frame, 26);
-  for (const int x : {213, 427}) cv::line(image, {x, 0}, {x, 512}, frame, 14);
-  cv::line(image, {0, 150}, {640, 150}, frame, 12);
+  const cv::Scalar frame = RandomColour(random, 5, 60, 60, 230);
+  cv::rectangle(image, {0, 0, 640, 512}, frame, 18 + random.Below(16));
+  const int lights = 1 + random.Below(4), bar = 8 + random.Below(10);
+  for (int i = 1; i < lights; ++i) {
+    cv::line(image, {640 * i / lights, 0}, {640 * i / lights, 512}, frame, bar);
+  }
+  const int transom = 90 + random.Below(200);
+  if (random.Chance(0.7)) cv::line(image, {0, transom}, {640, transom}, frame, bar);
   return image;
 }
 
 cv::Mat DrawFloorPlan(Random& random) {
   cv::Mat image(480, 720, CV_8UC3, cv::Scalar(235, 240, 238));
-  Write(image, "FLOOR PLAN", {30, 56}, 30, {120, 60, 20}, 400, true);
-  for (int i = 0; i < 10; ++i) {
-    const cv::Rect room(30 + i % 5 * 132, 90 + i / 5 * 200, 126, 140 + (i * 37) % 30);
-    cv::rectangle(image, room, RandomColour(random, 30, 110, 210, 255), cv::FILLED);
-    cv::rectangle(image, room, kInk, 4);
-    Write(image, std::to_string(i + 1), {room.x + 14, room.y + 46}, 28, kInk, 80, true);
-    Write(image, RandomWord(random), {room.x + 14, room.y + 80}, 12, kInk, 100);
+  Write(image, RandomPhrase(random, 2), {30, 56}, 30, {120, 60, 20}, 400, true);
+  const int corridor = 200 + random.Below(120);
+  int number = 1;
+  for (const cv::Rect& side :
+       {cv::Rect(30, 80, 0, corridor - 80), cv::Rect(30, corridor + 40, 0, 410 - corridor)}) {
+    for (int x = side.x; x < 600;) {
+      const int width = std::min(690 - x, 80 + random.Below(140));
+      const cv::Rect room(x, side.y, width, side.height - random.Below(40));
+      cv::rectangle(image, room, RandomColour(random, 30, 110, 210, 255), cv::FILLED);
+      cv::rectangle(image, room, kInk, 4);
+      Write(image, std::to_string(number++), {x + 14, room.y + 46}, 28, kInk, 60, true);
+      Write(image, RandomWord(random), {x + 14, room.y + 76}, 12, kInk, width - 20);
+      x += width;
+    }
   }
-  cv::circle(image, {360, 262}, 12, {30, 30, 220}, cv::FILLED, cv::LINE_AA);
+  cv::circle(image, {60 + random.Below(600), corridor + 20}, 12, {30, 30, 220}, cv::FILLED,
+             cv::LINE_AA);
   cv::rectangle(image, {0, 0, 720, 480}, {110, 80, 50}, 12);
   return image;
 }
@@ -290,16 +318,28 @@ cv::Mat DrawWhiteboard(Random& random) {
   return image;
 }
 
-cv::Mat DrawExtinguisher() {
-  cv::Mat image(256, 96, CV_8UC3, cv::Scalar(225, 228, 230));
-  cv::rectangle(image, {22, 80, 52, 168}, {30, 30, 190}, cv::FILLED);
-  cv::ellipse(image, {48, 82}, {26, 20}, 0, 180, 360, {30, 30, 190}, cv::FILLED, cv::LINE_AA);
-  cv::rectangle(image, {40, 40, 16, 26}, {30, 30, 30}, cv::FILLED);
-  cv::line(image, {30, 38}, {70, 30}, {30, 30, 30}, 8, cv::LINE_AA);
-  cv::ellipse(image, {64, 100}, {22, 60}, 0, -90, 90, {25, 25, 25}, 5, cv::LINE_AA);
-  cv::rectangle(image, {28, 120, 40, 60}, kWhite, cv::FILLED);
-  Write(image, "FIRE", {31, 142}, 11, {20, 20, 180}, 34, true);
-  for (int y = 150; y < 176; y += 7) cv::line(image, {32, y}, {62, y}, kInk, 2);
+cv::Mat DrawExtinguisher(Random& random) {
+  const cv::Scalar red{random.Uniform(10, 60), random.Uniform(10, 50), random.Uniform(140, 215)};
+  cv::Mat image(256, 96, CV_8UC3, RandomColour(random, 0, 50, 150, 240));
+  const int half = 18 + random.Below(16), shoulder = 60 + random.Below(60);
+  cv::rectangle(image, {48 - half, shoulder, 2 * half, 246 - shoulder}, red, cv::FILLED);
+  cv::ellipse(image, {48, shoulder}, {half, 8 + random.Below(20)}, 0, 180, 360, red, cv::FILLED,
+              cv::LINE_AA);
+  const int neck = 4 + random.Below(8), tilt = random.Below(30) - 15;
+  cv::rectangle(image, {48 - neck, shoulder - 40, 2 * neck, 30}, kInk, cv::FILLED);
+  cv::line(image, {26, shoulder - 40 + tilt}, {70, shoulder - 40 - tilt}, kInk,
+           5 + random.Below(5));
+  const int side = random.Chance(0.5) ? 1 : -1;
+  const int hose_width = 12 + random.Below(14), hose_length = 30 + random.Below(50);
+  cv::ellipse(image, {48 + side * half / 2, shoulder + 20}, {hose_width, hose_length}, 0,
+              -90 * side, 90 * side, kInk, 4 + random.Below(4), cv::LINE_AA);
+  const int label_height = 36 + random.Below(50), label_inset = 2 + random.Below(8);
+  const cv::Rect label(48 - half + label_inset, shoulder + 30, 2 * (half - label_inset),
+                       label_height);
+  cv::rectangle(image, label, RandomColour(random, 0, 160, 180, 255), cv::FILLED);
+  Write(image, RandomWord(random), {label.x + 2, label.y + 16}, 11, red, label.width - 4, true);
+  WriteParagraph(image, random, {label.x + 2, label.y + 16, label.width - 4, label_height - 18}, 4,
+                 kInk);
   return image;
 }
 

@@ -17,7 +17,7 @@ cv::Mat DrawWood(Random& random, cv::Scalar colour, int planks);            // g
 cv::Mat DrawFloorTiles(Random& random, cv::Scalar light, cv::Scalar dark);  // 4 x 4 tiles
 cv::Mat DrawMarble(Random& random, cv::Scalar colour);
 cv::Mat DrawWallpaper(Random& random, cv::Scalar colour);
-cv::Mat DrawCeiling(Random& random);  // 2 x 2 panels
+cv::Mat DrawCeiling(Random& random);  // panels
 cv::Mat DrawCarpet(Random& random, cv::Scalar colour);
 
 // Things that hang or stand.
@@ -30,12 +30,13 @@ cv::Mat DrawMenu(Random& random, const std::string& title);
 cv::Mat DrawNoticeBoard(Random& random);
 cv::Mat DrawInfoPanel(Random& random, const std::string& title);
 cv::Mat DrawSign(const std::string& text, cv::Scalar ground, cv::Scalar ink);
-cv::Mat DrawDoor(Random& random, const std::string& number);
+// Doors of one `design` differ in their grain and number alone.
+cv::Mat DrawDoor(Random& random, Random design, cv::Scalar wood, const std::string& number);
 cv::Mat DrawWindow(Random& random);  // daylight and a street
 cv::Mat DrawFloorPlan(Random& random);
 cv::Mat DrawWhiteboard(Random& random);
-cv::Mat DrawLamp();
-cv::Mat DrawExtinguisher();
+cv::Mat DrawLamp(Random& random);
+cv::Mat DrawExtinguisher(Random& random);
 cv::Mat DrawRug(Random& random);
 cv::Mat DrawFossil(Random& random);     // BGRA
 cv::Mat DrawPerson(Random& random);     // BGRA, 0.7 x 1.8 m

@@ -80,15 +80,18 @@ cv::Mat DrawWallpaper(Random& random, cv::Scalar colour) {
   constexpr int kCell = 128;
   cv::Mat image(4 * kCell, 4 * kCell, CV_8UC3, colour);
   const cv::Scalar ink = Shade(colour, 1.35), dark = Shade(colour, 0.7);
-  const int petals = 4 + random.Below(4);
+  const int petals = 3 + random.Below(6);
+  const int length = kCell / 5 + random.Below(kCell / 4), breadth = 3 + random.Below(kCell / 6);
+  const int heart = 4 + random.Below(kCell / 8);
+  const double turn = random.Uniform(0, 90);
   for (int i = 0; i < 16 + 4; ++i) {
     const cv::Point at(i % 4 * kCell + kCell / 2, i / 4 * kCell + kCell / 2 - (i % 2) * kCell / 2);
     for (int p = 0; p < petals; ++p) {
-      cv::ellipse(image, at, {kCell / 3, kCell / 14}, 180.0 * p / petals + 45, 0, 360, ink, 2,
+      cv::ellipse(image, at, {length, breadth}, 180.0 * p / petals + turn, 0, 360, ink, 2,
                   cv::LINE_AA);
     }
-    cv::circle(image, at, kCell / 9, dark, cv::FILLED, cv::LINE_AA);
-    cv::circle(image, at, kCell / 18, ink, cv::FILLED, cv::LINE_AA);
+    cv::circle(image, at, heart, dark, cv::FILLED, cv::LINE_AA);
+    cv::circle(image, at, heart / 2, ink, cv::FILLED, cv::LINE_AA);
   }
   AddNoise(image, Noise(random, image.size(), 32, 4, 0.7), 5);
   return image;
@@ -100,9 +103,12 @@ cv::Mat DrawCeiling(Random& random) {
     cv::circle(image, {random.Below(256), random.Below(256)}, random.Below(2), {190, 195, 198},
                cv::FILLED);
   }
-  for (int i = 0; i < 2; ++i) {
-    cv::line(image, {i * 128, 0}, {i * 128, 256}, {165, 168, 170}, 3);
-    cv::line(image, {0, i * 128}, {256, i * 128}, {165, 168, 170}, 3);
+  const int columns = 1 + random.Below(3), rows = 1 + random.Below(3), width = 2 + random.Below(4);
+  for (int i = 0; i < columns; ++i) {
+    cv::line(image, {i * 256 / columns, 0}, {i * 256 / columns, 256}, {165, 168, 170}, width);
+  }
+  for (int i = 0; i < rows; ++i) {
+    cv::line(image, {0, i * 256 / rows}, {256, i * 256 / rows}, {165, 168, 170}, width);
   }
   return image;
 }
@@ -134,11 +140,16 @@ cv::Mat DrawRug(Random& random) {
   return image;
 }
 
-cv::Mat DrawLamp() {
+cv::Mat DrawLamp(Random& random) {
   cv::Mat image(64, 256, CV_8UC3, cv::Scalar(150, 150, 150));
   cv::rectangle(image, {6, 6, 244, 52}, {250, 255, 255}, cv::FILLED);
-  for (int x = 24; x < 250; x += 22) cv::line(image, {x, 6}, {x, 58}, {205, 212, 214}, 3);
-  cv::line(image, {6, 32}, {250, 32}, {205, 212, 214}, 3);
+  const int step = 12 + random.Below(50);
+  for (int x = 6 + step; x < 250; x += step) cv::line(image, {x, 6}, {x, 58}, {205, 212, 214}, 3);
+  const int tubes = random.Below(3);
+  for (int i = 1; i <= tubes; ++i) {
+    const int y = 6 + 52 * i / (tubes + 1);
+    cv::line(image, {6, y}, {250, y}, {205, 212, 214}, 3);
+  }
   return image;
 }
 

@@ -20,8 +20,10 @@ struct SimulateOptions {
 // Renders the built-in museum as an image set with exact labels, poses and calibration:
 // 10 locations x 3 views x 20 distances, of which 3 a view are test, and a walk through all
 // of it, 1374 images of 640 x 480. OUT/distractors is a set of its own: rooms of the same
-// building that belong to no location. Light and white balance differ between training and
-// test. images.csv is written last, so a folder that has one is complete. Throws ToolError.
+// building that belong to no location. Another seed is another building: other sizes, plans and
+// furniture of the rooms, other materials, signs and pictures. Light and white balance differ
+// between training and test. images.csv is written last, so a folder that has one is complete.
+// Throws ToolError.
 void SimulateMuseum(const SimulateOptions& options, const Progress& progress);
 
 }  // namespace viewfix

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/simulation/room_builder.h"
 
+#include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace viewfix::simulation {
 namespace {
@@ -9,6 +11,8 @@ namespace {
 using Eigen::Vector3f;
 
 const Vector3f kUp = Vector3f::UnitZ();
+constexpr float kSigns = 0.58f;   // metres under the ceiling that are left to signs
+constexpr float kCorner = 0.45f;  // of a side wall, that the back wall's shelves may hide
 
 // A quad that repeats its texture every (width, height) metres.
 Quad Tiled(Vector3f corner, Vector3f right, Vector3f down, TexturePtr texture, float width,
@@ -45,27 +49,42 @@ Vector3f RoomBuilder::OnWall(Wall wall, float along, float up, float out) const 
   return frame.origin + along * frame.right + up * kUp + out * frame.normal;
 }
 
-void RoomBuilder::Shell(TexturePtr walls, float texture_width, float texture_height,
-                        TexturePtr floor, float brightness) {
+void RoomBuilder::Shell(const Covering& walls, const TexturePtr& floor, float brightness) {
   const float w = room_.width, d = room_.depth, h = room_.height;
-  Scene& scene = room_.scene;
+  const Fashion& fashion = building.fashion;
   for (const Wall wall : {Wall::kLeft, Wall::kBack, Wall::kRight, Wall::kFront}) {
     const Frame frame = WallFrame(wall);
-    scene.Add(Tiled(frame.origin + h * kUp, WallLength(wall) * frame.right, -h * kUp, walls,
-                    texture_width, texture_height));
-    const Vector3f out = 0.015f * frame.normal;
-    scene.Add(Tiled(frame.origin + 0.1f * kUp + out, WallLength(wall) * frame.right, -0.1f * kUp,
-                    building.dark_wood, 1, 1));
+    room_.scene.Add(Tiled(frame.origin + h * kUp, WallLength(wall) * frame.right, -h * kUp,
+                          walls.texture, walls.width, walls.height));
+    room_.scene.Add(Tiled(frame.origin + fashion.skirting * kUp + 0.015f * frame.normal,
+                          WallLength(wall) * frame.right, -fashion.skirting * kUp,
+                          building.dark_wood, 1, 1));
   }
-  scene.Add(Tiled({0, d, 0}, {w, 0, 0}, {0, -d, 0}, std::move(floor), 2.4f, 2.4f));
-  scene.Add(Tiled({0, 0, h}, {w, 0, 0}, {0, d, 0}, building.ceiling, 1.2f, 1.2f));
-  for (float y = 1.6f; y < d; y += 2.4f) {
-    for (const float x : {0.28f * w, 0.72f * w}) {
-      Quad lamp{{x - 0.6f, y - 0.15f, h - 0.02f}, {1.2f, 0, 0}, {0, 0.3f, 0}, building.lamp};
+  room_.scene.Add(
+      Tiled({0, d, 0}, {w, 0, 0}, {0, -d, 0}, floor, fashion.floor_repeat, fashion.floor_repeat));
+  room_.scene.Add(Tiled({0, 0, h}, {w, 0, 0}, {0, d, 0}, building.ceiling, fashion.ceiling_repeat,
+                        fashion.ceiling_repeat));
+  Lamps(brightness);
+}
+
+void RoomBuilder::Lamps(float brightness) {
+  const Fashion& fashion = building.fashion;
+  const int rows = room_.width < 5 ? 1 : fashion.lamp_rows;
+  const float between = room_.width / static_cast<float>(rows);
+  // As much light a square metre as one lamp of 1.5 on 4 x 2.4 m gives.
+  const float power = 1.5f * brightness * between * fashion.lamp_pitch / 9.6f;
+  const float along_x = fashion.lamps_along ? fashion.lamp_width : fashion.lamp_length;
+  const float along_y = fashion.lamps_along ? fashion.lamp_length : fashion.lamp_width;
+  for (float y = 0.6f * fashion.lamp_pitch; y < room_.depth - 0.8f; y += fashion.lamp_pitch) {
+    for (int row = 0; row < rows; ++row) {
+      const float x = between * (static_cast<float>(row) + 0.5f);
+      const float z = room_.height - 0.02f;
+      Quad lamp{
+          {x - along_x / 2, y - along_y / 2, z}, {along_x, 0, 0}, {0, along_y, 0}, building.lamp};
       lamp.glow = 1.1f * brightness;
       lamp.casts_shadow = false;
-      scene.Add(lamp);
-      scene.AddLamp({{x, y, h - 0.25f}, 1.5f * brightness});
+      room_.scene.Add(lamp);
+      room_.scene.AddLamp({{x, y, room_.height - 0.25f}, power});
     }
   }
 }
@@ -147,130 +166,154 @@ void RoomBuilder::FloorPatch(float x, float y, float width, float depth, Texture
       {{x - width / 2, y + depth / 2, 0.012f}, {width, 0, 0}, {0, -depth, 0}, std::move(texture)});
 }
 
-void RoomBuilder::Table(float x, float y, float width, float depth, float height) {
-  Box({x, y, height - 0.05f}, {width, depth, 0.05f}, building.wood);
-  for (const float sx : {-1.f, 1.f}) {
-    for (const float sy : {-1.f, 1.f}) {
-      Box({x + sx * (width / 2 - 0.06f), y + sy * (depth / 2 - 0.06f), 0},
-          {0.05f, 0.05f, height - 0.05f}, building.dark_wood);
-    }
-  }
-}
-
-void RoomBuilder::Chair(float x, float y, float yaw) {
-  const Vector3f back(-std::sin(yaw), std::cos(yaw), 0);
-  Box({x, y, 0.42f}, {0.42f, 0.42f, 0.04f}, building.wood, nullptr, yaw);
-  Box(Vector3f(x, y, 0.5f) + 0.2f * back, {0.42f, 0.03f, 0.42f}, building.wood, nullptr, yaw);
-  for (const float sx : {-0.18f, 0.18f}) {
-    for (const float sy : {-0.18f, 0.18f}) {
-      const Vector3f side(std::cos(yaw), std::sin(yaw), 0);
-      Box(Vector3f(x, y, 0) + sx * side + sy * back, {0.035f, 0.035f, 0.42f}, building.dark_wood);
-    }
-  }
-}
-
-void RoomBuilder::Bench(float x, float y, float width, float depth) {
-  Box({x, y, 0.38f}, {width, depth, 0.07f}, building.wood);
-  for (const float side : {-0.4f, 0.4f}) {
-    Box({x + side * width, y, 0}, {0.08f, depth * 0.8f, 0.38f}, building.metal);
-  }
-}
-
-void RoomBuilder::Pillar(float x, float y) {
-  Box({x, y, 0}, {0.5f, 0.5f, 0.18f}, building.marble);
-  Cylinder({x, y, 0.18f}, 0.19f, room_.height - 0.38f, building.marble, nullptr, 12);
-  Box({x, y, room_.height - 0.2f}, {0.5f, 0.5f, 0.2f}, building.marble);
-}
-
-void RoomBuilder::Rope(float x0, float y0, float x1, float y1) {
-  const Vector3f a(x0, y0, 0), b(x1, y1, 0);
-  for (const Vector3f& at : {a, b}) {
-    Cylinder(at, 0.15f, 0.03f, building.metal, building.disc_dark, 8);
-    Cylinder(at, 0.025f, 0.92f, building.metal, nullptr, 6);
-    Cylinder(at + 0.92f * kUp, 0.045f, 0.06f, building.metal, building.disc_light, 6);
-  }
-  constexpr int kPieces = 6;  // a sagging rope of straight pieces
-  const float yaw = std::atan2(y1 - y0, x1 - x0), length = (b - a).norm() / kPieces;
-  for (int i = 0; i < kPieces; ++i) {
-    const float part = (static_cast<float>(i) + 0.5f) / kPieces;
-    const float sag = 0.3f * 4 * part * (1 - part);
-    Box(a + part * (b - a) + (0.86f - sag) * kUp, {length * 1.02f, 0.035f, 0.05f}, building.rug,
-        nullptr, yaw);
-  }
-}
-
-void RoomBuilder::Plinth(float x, float y, float height) {
-  Box({x, y, 0}, {0.56f, 0.56f, 0.1f}, building.marble);
-  Box({x, y, 0.1f}, {0.46f, 0.46f, height - 0.16f}, building.white);
-  Box({x, y, height - 0.06f}, {0.54f, 0.54f, 0.06f}, building.marble);
-}
-
-void RoomBuilder::Vase(Vector3f base, float scale) {
-  static constexpr float kProfile[] = {0.6f, 0.9f, 1.0f, 0.85f, 0.5f, 0.35f, 0.55f};
-  const TexturePtr glaze = Bake(DrawWallpaper(
-      random, {random.Uniform(30, 220), random.Uniform(30, 200), random.Uniform(30, 220)}));
-  for (int i = 0; i < 7; ++i) {
-    Cylinder(base + 0.09f * scale * static_cast<float>(i) * kUp, 0.18f * scale * kProfile[i],
-             0.09f * scale, glaze, building.disc_dark, 10);
-  }
-}
-
-void RoomBuilder::Plant(float x, float y) {
-  const TexturePtr plant = building.plants[random.Below(static_cast<int>(building.plants.size()))];
-  CutOut({x, y, 0}, 0.9f, 1.35f, plant, true, static_cast<float>(random.Uniform(0, 1.5)));
-}
-
-void RoomBuilder::Shelf(Wall wall, float centre, float width, int boards, float board_height,
-                        float bottom, cv::Mat (*draw)(Random&)) {
-  constexpr float kDepth = 0.32f;
-  const Frame frame = WallFrame(wall);
-  const Vector3f right = width * frame.right;
-  const float height = static_cast<float>(boards) * board_height;
-  const Vector3f out = kDepth * frame.normal;
-  for (int i = 0; i <= boards; ++i) {
-    const Vector3f corner =
-        OnWall(wall, centre - width / 2, bottom + static_cast<float>(i) * board_height, 0);
-    room_.scene.Add(Tiled(corner + 0.03f * kUp + out, right, -0.03f * kUp, building.wood, 1, 1));
-    room_.scene.Add(Tiled(corner + 0.03f * kUp, right, out, building.wood, 1, 1));
-    room_.scene.Add(Tiled(corner + out, right, -out, building.wood, 1, 1));
-    if (i == boards) break;
-    const int parts = std::max(1, static_cast<int>(std::round(width / 1.2f)));
-    for (int part = 0; part < parts; ++part) {
-      const Vector3f piece = right / static_cast<float>(parts);
-      room_.scene.Add(
-          {corner + static_cast<float>(part) * piece + (board_height * 0.92f) * kUp + 0.75f * out,
-           piece, -(board_height * 0.92f - 0.03f) * kUp, Bake(draw(random))});
-    }
-  }
-  for (const float side : {-0.5f, 0.5f}) {
-    const Vector3f foot = OnWall(wall, centre + side * (width + 0.04f), bottom, kDepth / 2);
-    const float yaw = std::atan2(frame.right.y(), frame.right.x());
-    Box(foot, {0.04f, kDepth, height + 0.03f}, building.wood, nullptr, yaw);
-  }
-}
-
-void RoomBuilder::SharedArchitecture(int doors) {
-  const float d = room_.depth;
-  const Wall sides[] = {Wall::kLeft, Wall::kRight, Wall::kFront};
-  for (int i = 0; i < doors; ++i) {
-    const Wall wall = sides[i % 3];
-    const float along = wall == Wall::kLeft    ? 0.16f * d
-                        : wall == Wall::kRight ? 0.84f * d
-                                               : room_.width / 2;
-    Hang(wall, along, 0, 0.98f, 2.1f,
-         building.doors[random.Below(static_cast<int>(building.doors.size()))]);
-    if (wall != Wall::kFront) Hang(wall, along, 2.2f, 0.6f, 0.22f, building.exit_sign, 0.5f);
-  }
-  Hang(Wall::kLeft, 0.27f * d, 0.7f, 0.22f, 0.6f, building.extinguisher);
-}
-
-void RoomBuilder::StandardApproaches(float side_y, float side_heading, float near_side,
-                                     float far_side, float near_middle, float far_middle) {
+void RoomBuilder::Approaches(float side_heading) {
+  const float w = room_.width, d = room_.depth;
   const float ahead = 1.5707963f;
-  room_.approaches = {
-      Approach{"left", {0, side_y, 1.45f}, ahead + side_heading, near_side, far_side},
-      Approach{"middle", {room_.width / 2, room_.depth, 1.45f}, ahead, near_middle, far_middle},
-      Approach{"right", {room_.width, side_y, 1.45f}, ahead - side_heading, near_side, far_side}};
+  const auto side = [&](const char* view, float wall_x) {
+    const float turn = side_heading * Draw(0.85, 1.15);
+    const float y = d * Draw(0.62, 0.74);
+    const float farthest = std::min((y - 1.0f) / std::cos(turn), (w - 1.0f) / std::sin(turn));
+    const float nearest = Draw(1.3, 1.9);
+    return Approach{view,
+                    {wall_x, y, 1.45f},
+                    wall_x > 0 ? ahead - turn : ahead + turn,
+                    nearest,
+                    std::max(nearest + 1.5f, std::min(farthest, Draw(4.9, 5.7)))};
+  };
+  const Approach middle{"middle",
+                        {w * Draw(0.46, 0.54), d, 1.45f},
+                        ahead + Draw(-0.1, 0.1),
+                        Draw(1.9, 2.7),
+                        std::min(d - 1.2f, Draw(6.2, 7.4))};
+  room_.approaches = {side("left", 0), middle, side("right", w)};
+}
+
+void RoomBuilder::Sign(Wall wall, float centre, const std::string& text, float widest) {
+  const cv::Mat image = DrawSign(text, building.fashion.sign_ground, building.fashion.sign_ink);
+  const float height = Draw(0.26, 0.42);
+  const float most = widest > 0 ? widest : WallLength(wall) - 0.4f;
+  const float width =
+      std::min(most, height * static_cast<float>(image.cols) / static_cast<float>(image.rows));
+  const float middle = std::clamp(centre, width / 2 + 0.1f, WallLength(wall) - width / 2 - 0.1f);
+  Hang(wall, middle, room_.height - height - 0.1f, width, height, Bake(image));
+}
+
+WallThing RoomBuilder::Picture(float width, float height, float bottom, TexturePtr texture,
+                               float glow) {
+  const float scale = Draw(0.75, 1.2);
+  const float w = scale * width, h = scale * height;
+  // Below the signs, and as low as it was meant to hang at most.
+  const float z = std::max(0.05f, std::min(bottom + Draw(-0.15, 0.2), room_.height - kSigns - h));
+  return {w, [this, w, h, z, glow, texture = std::move(texture)](Wall wall, float along) {
+            Hang(wall, along, z, w, h, texture, glow);
+          }};
+}
+
+WallThing RoomBuilder::Poster() { return Picture(0.78f, 1.12f, 1.0f, StockPoster()); }
+
+WallThing RoomBuilder::Door() {
+  const Fashion& fashion = building.fashion;
+  return {fashion.door_width, [this, &fashion](Wall wall, float along) {
+            Hang(wall, along, 0, fashion.door_width, fashion.door_height, Any(building.doors));
+            Hang(wall, along, fashion.door_height + 0.06f, 0.6f, 0.2f, building.exit_sign, 0.5f);
+            const Vector3f before = OnWall(wall, along, 0, 0);
+            Occupy(before.x(), before.y(), 1.2f, 1.2f);
+          }};
+}
+
+WallThing RoomBuilder::Extinguisher() { return Picture(0.22f, 0.6f, 0.8f, building.extinguisher); }
+
+WallThing RoomBuilder::Shelves(float width, int boards, float board_height,
+                               cv::Mat (*draw)(Random&)) {
+  const float w = width * Draw(0.75, 1.25);
+  const float step = board_height * Draw(0.85, 1.15);
+  const float bottom = Draw(0.08, 0.5);
+  const int count =
+      std::min(boards, static_cast<int>((room_.height - kSigns - bottom - 0.1f) / step));
+  return {w + 0.1f,
+          [=, this](Wall wall, float along) { Shelf(wall, along, w, count, step, bottom, draw); }};
+}
+
+void RoomBuilder::Spread(Wall wall, float from, float to, std::vector<WallThing> things) {
+  constexpr float kLeastGap = 0.12f;
+  float slack = to - from - kLeastGap;
+  std::vector<WallThing> placed;
+  for (WallThing& thing : things) {
+    if (thing.width + kLeastGap > slack) continue;
+    slack -= thing.width + kLeastGap;
+    placed.push_back(std::move(thing));
+  }
+  for (std::size_t i = placed.size(); i > 1; --i) {
+    std::swap(placed[i - 1], placed[static_cast<std::size_t>(layout.Below(static_cast<int>(i)))]);
+  }
+  std::vector<float> gaps;
+  for (std::size_t i = 0; i <= placed.size(); ++i) gaps.push_back(Draw(0.1, 1));
+  const float stretch = slack / std::accumulate(gaps.begin(), gaps.end(), 0.0f);
+  float along = from;
+  for (std::size_t i = 0; i < placed.size(); ++i) {
+    along += kLeastGap + stretch * gaps[i] + placed[i].width / 2;
+    placed[i].put(wall, along);
+    along += placed[i].width / 2;
+  }
+}
+
+void RoomBuilder::SpreadBack(std::vector<WallThing> things, int posters) {
+  constexpr float kEdge = 0.3f;
+  for (; posters > 0; --posters) things.push_back(Poster());
+  Spread(Wall::kBack, kEdge, room_.width - kEdge, std::move(things));
+}
+
+void RoomBuilder::SpreadSides(std::vector<WallThing> things) {
+  things.insert(things.begin(), {Door(), Door(), Extinguisher()});
+  for (int i = Count(3, 5); i > 0; --i) things.push_back(Poster());
+  std::array<std::vector<WallThing>, 2> sides;
+  std::array<float, 2> taken{};
+  for (WallThing& thing : things) {
+    const std::size_t side = taken[0] + Draw(-0.6, 0.6) < taken[1] ? 0 : 1;
+    taken[side] += thing.width;
+    sides[side].push_back(std::move(thing));
+  }
+  // The part next to the entrance is behind every camera.
+  const float unseen = 0.12f * room_.depth, corner = kCorner;
+  Spread(Wall::kLeft, unseen, room_.depth - corner, std::move(sides[0]));
+  Spread(Wall::kRight, corner, room_.depth - unseen, std::move(sides[1]));
+}
+
+bool RoomBuilder::IsFree(const Eigen::AlignedBox2f& place) const {
+  constexpr float kApart = 0.1f, kPassage = 0.55f;
+  for (const Eigen::AlignedBox2f& other : occupied_) {
+    if (place.exteriorDistance(other) < kApart) return false;
+  }
+  for (const Approach& approach : room_.approaches) {
+    const Eigen::Vector2f along(std::cos(approach.heading), std::sin(approach.heading));
+    for (float distance = approach.nearest; distance < approach.farthest + 0.25f;
+         distance += 0.25f) {
+      const Eigen::Vector2f stand = approach.target.head<2>() - distance * along;
+      if (place.exteriorDistance(stand) < kPassage) return false;
+    }
+  }
+  return true;
+}
+
+void RoomBuilder::Occupy(float x, float y, float width, float depth) {
+  const Eigen::Vector2f half(width / 2, depth / 2), at(x, y);
+  occupied_.emplace_back(at - half, at + half);
+}
+
+void RoomBuilder::Scatter(int count, float width, float depth,
+                          const std::function<void(float x, float y)>& put) {
+  constexpr float kOffWall = 0.06f, kEntrance = 0.3f;
+  const Eigen::Vector2f half(width / 2, depth / 2);
+  for (int attempt = 0; count > 0 && attempt < 200; ++attempt) {
+    const float x = Draw(double{half.x() + kOffWall}, double{room_.width - half.x() - kOffWall});
+    const float y =
+        Draw(double{kEntrance * room_.depth}, double{room_.depth - half.y() - kOffWall});
+    const Eigen::Vector2f at(x, y);
+    if (!IsFree({at - half, at + half})) continue;
+    Occupy(x, y, width, depth);
+    put(x, y);
+    --count;
+  }
 }
 
 }  // namespace viewfix::simulation

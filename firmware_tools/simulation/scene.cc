@@ -44,6 +44,22 @@ void Scene::Add(Quad quad) {
   quads_.push_back(std::move(quad));
 }
 
+Scene Scene::Mirrored(float width) const {
+  const Eigen::Vector3f flip(-1, 1, 1);
+  const auto mirrored = [&](const Eigen::Vector3f& at) -> Eigen::Vector3f {
+    return flip.cwiseProduct(at) + width * Eigen::Vector3f::UnitX();
+  };
+  Scene scene;
+  for (Quad quad : quads_) {
+    quad.corner = mirrored(quad.corner + quad.right);
+    quad.right = -flip.cwiseProduct(quad.right);
+    quad.down = flip.cwiseProduct(quad.down);
+    scene.Add(std::move(quad));
+  }
+  for (const Lamp& lamp : lamps_) scene.AddLamp({mirrored(lamp.position), lamp.power});
+  return scene;
+}
+
 float Scene::Nearest(const Planes& p, const Eigen::Vector3f& from, const Eigen::Vector3f& step,
                      float limit) {
   constexpr std::size_t kChunk = 64;

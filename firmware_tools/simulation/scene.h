@@ -45,6 +45,9 @@ class Scene {
   const std::vector<Quad>& quads() const { return quads_; }
   const std::vector<LightMap>& light_maps() const { return light_maps_; }
 
+  // The scene with left and right exchanged about x = width / 2; textures stay readable.
+  Scene Mirrored(float width) const;
+
   // Distance along unit-length `direction` to the nearest rectangle, either side of
   // it, or `limit`. Holes in textures count as solid.
   float Distance(const Eigen::Vector3f& from, const Eigen::Vector3f& direction, float limit) const;

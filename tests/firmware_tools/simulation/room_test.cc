@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/simulation/stand.h"
 
 namespace viewfix::simulation {
 namespace {
@@ -23,15 +25,41 @@ std::vector<std::uint32_t> Colours(const Room& room) {
   return colours;
 }
 
+// How far the room's surfaces are from one stand, all around it.
+std::vector<float> DistancesSeen(const Room& room) {
+  std::vector<float> distances;
+  for (int i = 0; i < 32; ++i) {
+    const Eigen::Vector3f ahead = Heading(2 * std::numbers::pi * i / 32);
+    distances.push_back(room.scene.Distance({1.5f, 2.5f, 1.4f}, ahead, 20));
+  }
+  return distances;
+}
+
 TEST(BuildRoom, TheSameSeedGivesTheSameRoom) {
   const Building building(5);
   const Building again(5);
   EXPECT_EQ(Colours(BuildRoom(building, "hallway", 5)), Colours(BuildRoom(again, "hallway", 5)));
 }
 
-TEST(BuildRoom, AnotherSeedIsAnotherRoom) {
+TEST(FurnishRoom, TheTwoShowWindowsAreLookAlikes) {
   const Building building(5);
-  EXPECT_NE(Colours(BuildRoom(building, "hallway", 5)), Colours(BuildRoom(building, "hallway", 6)));
+  const Room one = FurnishRoom(building, "show_window_1", 5);
+  const Room two = FurnishRoom(building, "show_window_2", 5);
+  EXPECT_EQ(one.width, two.width);
+  EXPECT_EQ(one.scene.quads().size(), two.scene.quads().size());
+  EXPECT_EQ(DistancesSeen(one), DistancesSeen(two));
+  EXPECT_NE(Colours(one), Colours(two));
+}
+
+TEST(Scene, AMirroredSceneIsSeenFromTheOtherSide) {
+  const Room room = FurnishRoom(Building(5), "exhibit", 5);
+  const Scene mirrored = room.scene.Mirrored(room.width);
+  for (int i = 0; i < 32; ++i) {
+    const Eigen::Vector3f there = Heading(0.2 * i);
+    const Eigen::Vector3f back(-there.x(), there.y(), there.z());
+    EXPECT_NEAR(room.scene.Distance({2, 3, 1.5f}, there, 20),
+                mirrored.Distance({room.width - 2, 3, 1.5f}, back, 20), 1e-4f);
+  }
 }
 
 TEST(BuildRoom, ANameThatIsNoRoomIsAnError) {
@@ -39,12 +67,34 @@ TEST(BuildRoom, ANameThatIsNoRoomIsAnError) {
   EXPECT_THROW(BuildRoom(building, "vault", 5), ToolError);
 }
 
+std::vector<std::string> RoomNames() {
+  std::vector<std::string> names = LocationNames();
+  names.insert(names.end(), DistractorNames().begin(), DistractorNames().end());
+  return names;
+}
+
+// FreeStand throws where there is none.
+TEST(FurnishRoom, OfAnySeedHasFreeStands) {
+  for (std::uint64_t seed = 1; seed <= 30; ++seed) {
+    const Building building(seed);
+    for (const std::string& name : RoomNames()) {
+      const Room room = FurnishRoom(building, name, seed);
+      Random random(seed, name);
+      for (const Approach& approach : room.approaches) {
+        for (const float distance : {approach.nearest, approach.farthest}) {
+          EXPECT_NO_THROW(FreeStand(room, approach, double{distance}, random)) << "seed " << seed;
+        }
+      }
+    }
+  }
+}
+
 // A view is a line of places that lie inside the room and see its target unobstructed
 // from the middle of the line, so that there is something to photograph.
 class EveryRoom : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(EveryRoom, ApproachesLieInsideAndSeeTheirTargets) {
-  const Room room = BuildRoom(Building(5), GetParam(), 5);
+  const Room room = FurnishRoom(Building(5), GetParam(), 5);
   const char* names[] = {"left", "middle", "right"};
   for (int i = 0; i < 3; ++i) {
     const Approach& approach = room.approaches[i];
@@ -58,6 +108,24 @@ TEST_P(EveryRoom, ApproachesLieInsideAndSeeTheirTargets) {
     }
     const float middle = 0.5f * (approach.nearest + approach.farthest);
     EXPECT_GT(room.scene.Distance(approach.target - middle * along, along, 20), 0.5f * middle);
+  }
+}
+
+// Not the same place with other pictures on its walls.
+TEST_P(EveryRoom, OfAnotherSeedIsAnotherPlace) {
+  const Room room = FurnishRoom(Building(5), GetParam(), 5);
+  const std::vector<float> distances = DistancesSeen(room);
+  for (const std::uint64_t seed : {6, 7, 8}) {
+    const Room other = FurnishRoom(Building(seed), GetParam(), seed);
+    EXPECT_NE(Colours(room), Colours(other)) << seed;
+    EXPECT_GT(std::abs(room.width - other.width) + std::abs(room.depth - other.depth), 0.1f);
+    const std::vector<float> others = DistancesSeen(other);
+    int equal = 0;
+    for (std::size_t i = 0; i < distances.size(); ++i) {
+      equal += std::abs(distances[i] - others[i]) < 0.02f ? 1 : 0;
+    }
+    // The stand is as far from the left and the front wall in every room.
+    EXPECT_LE(equal, 22) << seed;
   }
 }
 
@@ -77,12 +145,7 @@ TEST_P(EveryRoom, IsLitThroughout) {
   EXPECT_GT(lamps, 0.1f);
 }
 
-INSTANTIATE_TEST_SUITE_P(Museum, EveryRoom, ::testing::ValuesIn([] {
-                           std::vector<std::string> names = LocationNames();
-                           names.insert(names.end(), DistractorNames().begin(),
-                                        DistractorNames().end());
-                           return names;
-                         }()),
+INSTANTIATE_TEST_SUITE_P(Museum, EveryRoom, ::testing::ValuesIn(RoomNames()),
                          [](const auto& room_name) { return room_name.param; });
 
 }  // namespace
