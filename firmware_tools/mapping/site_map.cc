@@ -101,7 +101,9 @@ nlohmann::ordered_json FitAsJson(const Georeference& fit) {
     residuals.push_back(
         {{"name", residual.name}, {"metres", residual.metres}, {"used", residual.is_inlier}});
   }
-  return {{"median_m", fit.median_metres}, {"residuals", residuals}};
+  return {{"median_m", fit.median_metres},
+          {"upright_by_cameras", fit.upright_by_cameras},
+          {"residuals", residuals}};
 }
 
 }  // namespace
