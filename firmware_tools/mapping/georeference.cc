@@ -24,7 +24,7 @@ namespace fs = std::filesystem;
 
 constexpr double kLeastSpreadRatio = 0.02;  // of the second direction to the first: else a line
 constexpr double kLeastSlant = 0.3;         // sine of the angle between a line and up
-constexpr double kLeastNoise = 0.01;        // metres: what chance may hide where points are few
+constexpr double kLeastNoise = 0.002;       // metres: a few points can fit better by chance
 constexpr double kMaxCoordinate = 1e9;      // metres
 constexpr int kMaxRefits = 10;
 constexpr std::size_t kMaxNamed = 3;  // points named in a refusal
@@ -401,6 +401,8 @@ Georeference FitGeoreference(std::span<const ControlPair> pairs, const Gravity& 
   const std::optional<Similarity> fit = Fitter(pairs, options, FitSimilarity).Fit();
   Georeference result;
   if (fit) result = Measure(pairs, *fit, options);
+  // Without cameras that tell, what does not fit anyhow is not called a line.
+  if (fit && !gravity.up_in_map) RefuseBadFit(result, options);
   if (!fit || RollSigma(pairs, result) > options.max_roll_sigma) {
     result = Measure(pairs, FitUprightOrRefuse(pairs, gravity, options), options);
     result.upright_by_cameras = true;

@@ -140,6 +140,17 @@ TEST(FitGeoreference, ALineWithoutUprightCamerasIsRefused) {
   EXPECT_THAT(ErrorOf(shaft, TrueGravity()), HasSubstr("stands about upright"));
 }
 
+// Every three points that are not on the line hold the wrong one; upright, the line finds itself.
+TEST(FitGeoreference, ALineWithAnOutlierBesideIt) {
+  auto pairs = CorridorPairs(0, 0);
+  pairs[3].point_in_site.y() += 6;
+  pairs[3].point_in_map = Inverse(kTruth) * (pairs[3].point_in_site + Eigen::Vector3d(0, 0, 5));
+  const Georeference fit = FitGeoreference(pairs, TrueGravity());
+  ExpectNear(fit.site_from_map, kTruth, 1e-7);
+  EXPECT_FALSE(fit.residuals[3].is_inlier);
+  EXPECT_TRUE(fit.residuals[4].is_inlier);
+}
+
 // Tags on the walls of a corridor, placed to a millimetre, know better than the cameras.
 TEST(FitGeoreference, ANarrowFieldOfGoodPointsNeedsNoCameras) {
   Gravity tilted = TrueGravity();
