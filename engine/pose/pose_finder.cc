@@ -26,6 +26,10 @@ constexpr double kNoView = 1e30;
 // Keyframes of a group share one landmark of so many with it; a few are shared by look-alike
 // places, too, through wrong matches in training.
 constexpr int kSharedOfLandmarks = 10;
+// Samples drawn among the matches about a predicted pose: where a quarter of them is right, all
+// but one frame in twenty need fewer, and a poor prediction must not cost more than the whole
+// search that follows.
+constexpr int kTrackingIterations = 200;
 // Rounds of guided matching; the radius shrinks to kFinalRadiusSigma after the first.
 constexpr int kRounds = 3;
 constexpr double kFinalRadiusSigma = 5;
@@ -54,21 +58,23 @@ double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b, double pac
 Status PoseFinderOptions::Validate() const {
   const bool valid = max_landmarks >= 64 && max_landmarks <= 65536 && max_groups >= 1 &&
                      min_inliers >= 4 && max_ratio >= 0 && max_ratio <= 1 && min_evidence > 0 &&
-                     min_evidence_share >= 0 && min_evidence_share <= 1 && rival_promise >= 0 &&
-                     guided_radius_px > 0 && tracking_radius_px > 0 && max_guided_distance > 0 &&
+                     min_evidence_share >= 0 && min_evidence_share <= 1 && min_tracked_share >= 0 &&
+                     min_tracked_share <= 1 && rival_promise >= 0 && guided_radius_px > 0 &&
+                     tracking_radius_px > 0 && max_guided_distance > 0 &&
                      max_guided_distance <= 2048;
   return valid ? Status() : Status(StatusCode::kInvalidArgument, "pose finder option out of range");
 }
 
 struct PoseFinder::State {
   State(const ModelView& model_view, const PoseFinderOptions& finder_options,
-        AbsolutePoseEstimator pose_estimator)
+        AbsolutePoseEstimator pose_estimator, AbsolutePoseEstimator tracking_estimator)
       : model(model_view),
         landmarks(model.landmarks()),
         keyframes(model.keyframes()),
         options(finder_options),
         dim(model.features().descriptor_dim),
         estimator(std::move(pose_estimator)),
+        tracker(std::move(tracking_estimator)),
         matcher(model.features().max_features, options.max_landmarks, dim),
         grid(model.features().max_features),
         stamp_of_landmark(landmarks.size, 0),
@@ -111,8 +117,9 @@ struct PoseFinder::State {
                    double radius_px);
   int MarkInliers(const Camera& camera, const Rigid3& cam_from_world);
   bool Refine(const Camera& camera, const PoseRefinerOptions& refiner, RefinedPose& pose);
-  FoundPose Grow(const FeatureSet& features, Camera camera, bool refine_focal, RefinedPose start,
-                 double radius_px, bool covisible);
+  FoundPose FindAmongMatches(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                             AbsolutePoseEstimator& by);
+  FoundPose Grow(const FeatureSet& features, Camera camera, bool refine_focal, RefinedPose start);
   void Describe(const Camera& camera, FoundPose& found);
   bool Convincing(const FoundPose& found, int min_inliers) const;
   FoundPose BetterOf(const FoundPose& a, const FoundPose& b) const;
@@ -125,6 +132,7 @@ struct PoseFinder::State {
   PoseFinderOptions options;
   int dim;
   AbsolutePoseEstimator estimator;
+  AbsolutePoseEstimator tracker;  // the same with fewer samples
   DescriptorMatcher matcher;
   FeatureGrid grid;
 
@@ -411,16 +419,26 @@ void PoseFinder::State::KeepInliers() {
   }
 }
 
-// Rounds of guided matching and refinement from a start. `covisible`: the landmarks to look
-// for are those near the matches in use; else the candidates as they are, at first.
+// The pose that most matches agree with, however they were made.
+FoundPose PoseFinder::State::FindAmongMatches(const FeatureSet& features, const Camera& camera,
+                                              bool refine_focal, AbsolutePoseEstimator& by) {
+  const AbsolutePose start = by.Estimate(camera, matches);
+  if (!start.found) return {};
+  used.assign(by.inliers().begin(), by.inliers().end());
+  return Grow(features, camera, refine_focal, start.pose);
+}
+
+// Rounds of guided matching and refinement from a start: the landmarks to look for are those near
+// the matches in use.
 FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, bool refine_focal,
-                                  RefinedPose start, double radius_px, bool covisible) {
+                                  RefinedPose start) {
   FoundPose found;
   PoseRefinerOptions refiner;
   refiner.refine_focal = refine_focal;
   RefinedPose pose = start;
+  double radius_px = options.guided_radius_px * (refine_focal ? 2 : 1);
   for (int round = 0; round < kRounds; ++round) {
-    if (round > 0 || covisible) GatherCovisible();
+    GatherCovisible();
     MatchGuided(features, camera, pose.cam_from_world, radius_px);
     if (static_cast<int>(matches.size()) < options.min_inliers) return found;
     if (!Refine(camera, refiner, pose)) return found;
@@ -480,7 +498,11 @@ Result<PoseFinder> PoseFinder::Create(const ModelView& model, const PoseFinderOp
   pose.min_inliers = kMinStart;
   auto estimator = AbsolutePoseEstimator::Create(pose);
   if (!estimator.ok()) return estimator.status();
-  return PoseFinder(std::make_unique<State>(model, options, std::move(*estimator)));
+  pose.max_iterations = kTrackingIterations;
+  auto tracker = AbsolutePoseEstimator::Create(pose);
+  if (!tracker.ok()) return tracker.status();
+  return PoseFinder(
+      std::make_unique<State>(model, options, std::move(*estimator), std::move(*tracker)));
 }
 
 FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
@@ -494,11 +516,7 @@ FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, boo
     const bool certain = best.num_inliers >= kCertainTimes * s.options.min_inliers;
     if (certain && first->promise < proposed.front().promise - s.options.rival_promise) break;
     s.MatchCandidates(features);
-    const AbsolutePose start = s.estimator.Estimate(camera, s.matches);
-    if (!start.found) continue;
-    s.used.assign(s.estimator.inliers().begin(), s.estimator.inliers().end());
-    const double radius = s.options.guided_radius_px * (refine_focal ? 2 : 1);
-    const FoundPose found = s.Grow(features, camera, refine_focal, start.pose, radius, true);
+    const FoundPose found = s.FindAmongMatches(features, camera, refine_focal, s.estimator);
     if (found.evidence > best.evidence) s.KeepInliers();  // as BetterOf() chooses
     best = s.BetterOf(best, found);
   }
@@ -511,11 +529,12 @@ FoundPose PoseFinder::FindNear(const FeatureSet& features, const Camera& camera,
   State& s = *state_;
   s.StartFrame(features);
   s.GatherNear(map_idx, cam_from_world);
-  RefinedPose start;
-  start.cam_from_world = cam_from_world;
-  FoundPose found =
-      s.Grow(features, camera, refine_focal, start, s.options.tracking_radius_px, false);
-  found.found = s.Convincing(found, 2 * s.options.min_inliers);
+  s.MatchGuided(features, camera, cam_from_world, s.options.tracking_radius_px);
+  // Where the prediction is poor, most matches are wrong: they have to agree on a pose, as those
+  // of a frame alone have to.
+  FoundPose found = s.FindAmongMatches(features, camera, refine_focal, s.tracker);
+  found.found = s.Convincing(found, 2 * s.options.min_inliers) &&
+                found.evidence >= s.options.min_tracked_share * found.expected;
   if (found.found) s.KeepInliers();
   return found;
 }

@@ -3,12 +3,14 @@
 #include <charconv>
 #include <cstdio>
 #include <memory>
+#include <vector>
 
 #include "firmware_tools/cli/commands.h"
 #include "firmware_tools/cli/feature_flags.h"
 #include "firmware_tools/cli/set_flags.h"
 #include "firmware_tools/cli/terminal.h"
 #include "firmware_tools/evaluation/check_set.h"
+#include "firmware_tools/mapping/site_map.h"
 #include "firmware_tools/training/trainer.h"
 #include "platform/file.h"
 
@@ -72,13 +74,22 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   return options;
 }
 
+// A map under given poses, where it is asked for by name, has to come about.
 void CheckPosesAskedFor(const TrainFlags& flags, const ImageSet& set) {
   if (flags.map != "poses") return;
-  for (const ImageRecord& image : set.images) {
-    if (image.pose) return;
+  std::vector<int> with_pose;
+  bool with_camera = false;
+  for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
+    if (!set.images[i].pose || set.images[i].is_test) continue;
+    with_pose.push_back(i);
+    with_camera = with_camera || set.images[i].camera_idx >= 0;
   }
-  throw ToolError(set.source.string() +
-                  ": --map poses needs poses (columns tx,ty,tz,qx,qy,qz,qw, or --poses)");
+  if (with_pose.empty()) {
+    throw ToolError(set.source.string() +
+                    ": --map poses needs poses (columns tx,ty,tz,qx,qy,qz,qw, or --poses)");
+  }
+  if (with_camera) return;
+  throw ToolError(set.source.string() + ": " + MissingCalibration(set, with_pose));
 }
 
 // What `viewfix check` would say of labels and appearance, and what was skipped.

@@ -76,10 +76,20 @@ void KeepEvenly(std::vector<BoardView>& views, std::size_t most) {
   views = std::move(kept);
 }
 
+// By OpenCV's readers of files. Left to itself it asks the drivers of cameras too, V4L2 and
+// libgphoto2, whether they know a file that none of these reads: which takes a second, touches what
+// is plugged in, and leaks what libusb lists.
+cv::VideoCapture OpenVideo(const fs::path& source) {
+  for (const int reader : {cv::CAP_FFMPEG, cv::CAP_GSTREAMER, cv::CAP_OPENCV_MJPEG}) {
+    cv::VideoCapture video(source.string(), reader);
+    if (video.isOpened()) return video;
+  }
+  throw ToolError("cannot read video " + source.string());
+}
+
 BoardViews FindInVideo(const fs::path& source, const CharucoSpec& spec, const Progress& report) {
   cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);  // of each backend
-  cv::VideoCapture video(source.string());
-  if (!video.isOpened()) throw ToolError("cannot read video " + source.string());
+  cv::VideoCapture video = OpenVideo(source);
   const int frames = static_cast<int>(video.get(cv::CAP_PROP_FRAME_COUNT));
   BoardViews boards;
   cv::Mat frame, grey;

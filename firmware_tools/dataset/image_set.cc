@@ -23,7 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kCsvName[] = "images.csv";
-constexpr char kCalibrationName[] = "calibration.yaml";
 constexpr std::array<const char*, 7> kPoseColumns = {"tx", "ty", "tz", "qx", "qy", "qz", "qw"};
 constexpr std::array<const char*, 6> kPlainColumns = {"path",  "location", "view",
                                                       "split", "camera",   "capture"};
@@ -45,7 +44,7 @@ std::string PathKey(const std::string& path) {
 class CameraFiles {
  public:
   explicit CameraFiles(ImageSet& set) : set_(set) {
-    if (fs::exists(set.folder / kCalibrationName)) default_idx_ = Index(kCalibrationName);
+    if (fs::exists(set.DefaultCalibration())) default_idx_ = Index(kCalibrationName);
   }
 
   int default_idx() const { return default_idx_; }

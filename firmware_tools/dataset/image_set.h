@@ -45,6 +45,8 @@ struct ImageRecord {
   std::map<std::string, std::string> other;  // unknown columns, kept
 };
 
+inline constexpr char kCalibrationName[] = "calibration.yaml";
+
 // An image set as in interfaces.md: images.csv (or another CSV), or folders
 // <location>/<view>/*.jpg. Records keep the CSV's order (name order for folders).
 struct ImageSet {
@@ -54,6 +56,8 @@ struct ImageSet {
   std::vector<Calibration> cameras;
 
   std::filesystem::path FullPath(const ImageRecord& image) const { return folder / image.path; }
+  // Of the cameras that no image names: need not be there.
+  std::filesystem::path DefaultCalibration() const { return folder / kCalibrationName; }
 };
 
 // `path`: a folder, or a CSV file. A folder without images.csv may be described by its

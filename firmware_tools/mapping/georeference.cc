@@ -7,8 +7,10 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <functional>
 #include <map>
 #include <random>
+#include <utility>
 
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/dataset/text_fields.h"
@@ -21,6 +23,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr double kLeastSpreadRatio = 0.02;  // of the second direction to the first: else a line
+constexpr double kLeastSlant = 0.3;         // sine of the angle between a line and up
+constexpr double kLeastNoise = 0.002;       // metres: a few points can fit better by chance
 constexpr double kMaxCoordinate = 1e9;      // metres
 constexpr int kMaxRefits = 10;
 constexpr std::size_t kMaxNamed = 3;  // points named in a refusal
@@ -30,46 +34,99 @@ constexpr double kLeastTurning = 0.03;
 constexpr double kMostRolling = 0.3;       // of the turning
 constexpr double kLeastUprightness = 0.3;  // mean cosine between up and -y
 
-std::vector<Eigen::Vector3d> Centred(std::span<const Eigen::Vector3d> points,
-                                     Eigen::Vector3d& mean) {
-  mean.setZero();
-  for (const auto& point : points) mean += point;
-  mean /= static_cast<double>(points.size());
-  std::vector<Eigen::Vector3d> centred(points.begin(), points.end());
-  for (auto& point : centred) point -= mean;
-  return centred;
+// Sums over point pairs about their means.
+struct Moments {
+  Eigen::Vector3d mean_a = Eigen::Vector3d::Zero();
+  Eigen::Vector3d mean_b = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d scatter_a = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d scatter_b = Eigen::Matrix3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of b and a
+};
+
+Moments MomentsOf(std::span<const Eigen::Vector3d> a, std::span<const Eigen::Vector3d> b) {
+  Moments m;
+  const auto n = static_cast<double>(a.size());
+  for (std::size_t i = 0; i < a.size(); ++i) m.mean_a += a[i] / n, m.mean_b += b[i] / n;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    const Eigen::Vector3d from_a = a[i] - m.mean_a, from_b = b[i] - m.mean_b;
+    m.scatter_a += from_a * from_a.transpose();
+    m.scatter_b += from_b * from_b.transpose();
+    m.covariance += from_b * from_a.transpose();
+  }
+  return m;
 }
 
-bool OnALine(const std::vector<Eigen::Vector3d>& centred) {
-  Eigen::Matrix3d scatter = Eigen::Matrix3d::Zero();
-  for (const auto& point : centred) scatter += point * point.transpose();
-  const Eigen::Vector3d spread =
-      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter, Eigen::EigenvaluesOnly).eigenvalues();
+// Squared spreads, the smallest first.
+Eigen::Vector3d SpreadsOf(const Eigen::Matrix3d& scatter) {
+  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(scatter, Eigen::EigenvaluesOnly)
+      .eigenvalues();
+}
+
+bool OnALine(const Eigen::Matrix3d& scatter) {
+  const Eigen::Vector3d spread = SpreadsOf(scatter);
   return !(spread[1] > kLeastSpreadRatio * kLeastSpreadRatio * spread[2]) || !(spread[2] > 0);
 }
 
-Eigen::Quaterniond BestRotation(const Eigen::Matrix3d& covariance, double& trace) {
+Eigen::Matrix3d BestRotation(const Eigen::Matrix3d& covariance) {
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                               Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign = Eigen::Vector3d::Ones();
   if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign.z() = -1;
-  trace = svd.singularValues().dot(sign);
-  return Eigen::Quaterniond(
-      Eigen::Matrix3d(svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose()));
+  return svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+}
+
+// The best scale and translation of a rotation b_from_a.
+std::optional<Similarity> WithRotation(const Moments& m, const Eigen::Matrix3d& rotation) {
+  Similarity b_from_a;
+  b_from_a.rotation = Eigen::Quaterniond(rotation).normalized();
+  b_from_a.scale = (rotation.transpose() * m.covariance).trace() / m.scatter_a.trace();
+  b_from_a.translation = m.mean_b - b_from_a.scale * (b_from_a.rotation * m.mean_a);
+  const bool usable = b_from_a.scale > 0 && std::isfinite(b_from_a.scale);
+  return usable ? std::optional(b_from_a) : std::nullopt;
+}
+
+// Columns: along a line, upwards from it, and across both. Nothing: the line is about upright.
+std::optional<Eigen::Matrix3d> FrameOfLine(const Eigen::Vector3d& along,
+                                           const Eigen::Vector3d& up) {
+  const Eigen::Vector3d off = up - along * along.dot(up);
+  if (!(off.norm() > kLeastSlant)) return std::nullopt;
+  Eigen::Matrix3d frame;
+  frame << along, off.normalized(), along.cross(off).normalized();
+  return frame;
+}
+
+// For points on a line, or nearly so: which way it runs is theirs to say, how all is turned about
+// it the upward direction's.
+std::optional<Similarity> FitUpright(std::span<const Eigen::Vector3d> points_in_a,
+                                     std::span<const Eigen::Vector3d> points_in_b,
+                                     const Eigen::Vector3d& up_in_a) {
+  if (points_in_a.size() < 2) return std::nullopt;
+  const Moments m = MomentsOf(points_in_a, points_in_b);
+  const Eigen::Vector3d along_a =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(m.scatter_a).eigenvectors().col(2);
+  const Eigen::Vector3d along_b = m.covariance * along_a;
+  if (!(along_b.norm() > 0)) return std::nullopt;
+  const auto frame_a = FrameOfLine(along_a, up_in_a);
+  const auto frame_b = FrameOfLine(along_b.normalized(), Eigen::Vector3d::UnitZ());
+  if (!frame_a || !frame_b) return std::nullopt;
+  return WithRotation(m, *frame_b * frame_a->transpose());
 }
 
 // Finds the consensus among pairs.
 class Fitter {
  public:
-  Fitter(std::span<const ControlPair> pairs, const GeoreferenceOptions& options)
-      : options_(options) {
+  using FitPoints = std::function<std::optional<Similarity>(std::span<const Eigen::Vector3d>,
+                                                            std::span<const Eigen::Vector3d>)>;
+
+  Fitter(std::span<const ControlPair> pairs, const GeoreferenceOptions& options, FitPoints fit)
+      : options_(options), fit_(std::move(fit)) {
     for (const ControlPair& pair : pairs) {
       in_map_.push_back(pair.point_in_map);
       in_site_.push_back(pair.point_in_site);
     }
   }
 
-  // Nothing: all pairs lie on a line.
+  // Nothing: no three pairs can be fitted.
   std::optional<Similarity> Fit() {
     const std::size_t n = in_map_.size();
     const auto count = static_cast<double>(n);
@@ -85,11 +142,11 @@ class Fitter {
     return best_;
   }
 
+ private:
   double Residual(const Similarity& site_from_map, std::size_t i) const {
     return (site_from_map * in_map_[i] - in_site_[i]).norm();
   }
 
- private:
   void TryRandomTriples(std::size_t n) {
     std::mt19937_64 random(options_.seed);
     for (int trial = 0; trial < options_.max_trials; ++trial) {
@@ -105,7 +162,7 @@ class Fitter {
       a.push_back(in_map_[i]);
       b.push_back(in_site_[i]);
     }
-    return FitSimilarity(a, b);
+    return fit_(a, b);
   }
 
   // Truncated squares: an outlier costs the same however far off it is.
@@ -141,6 +198,7 @@ class Fitter {
   }
 
   GeoreferenceOptions options_;
+  FitPoints fit_;
   std::vector<Eigen::Vector3d> in_map_, in_site_;
   std::optional<Similarity> best_;
   double best_cost_ = 0;
@@ -199,6 +257,50 @@ std::string NamesOf(std::span<const ControlPair> pairs) {
   return names.append(pairs.size() > kMaxNamed ? ", ..." : "");
 }
 
+Georeference Measure(std::span<const ControlPair> pairs, const Similarity& site_from_map,
+                     const GeoreferenceOptions& options) {
+  Georeference result;
+  result.site_from_map = site_from_map;
+  for (const ControlPair& pair : pairs) {
+    const double metres = (site_from_map * pair.point_in_map - pair.point_in_site).norm();
+    result.residuals.push_back({pair.name, metres, metres <= options.max_residual});
+  }
+  result.median_metres = Median(result.residuals);
+  return result;
+}
+
+// How well the points that fit tell the rotation about the line that they are nearest to, radians:
+// their noise over their distances from it. 0: too few of them to tell.
+double RollSigma(std::span<const ControlPair> pairs, const Georeference& fit) {
+  std::vector<Eigen::Vector3d> in_site;
+  double sum2 = 0;
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    if (!fit.residuals[i].is_inlier) continue;
+    in_site.push_back(pairs[i].point_in_site);
+    sum2 += fit.residuals[i].metres * fit.residuals[i].metres;
+  }
+  if (in_site.size() < 3) return 0;
+  const double freedom = 3.0 * static_cast<double>(in_site.size()) - 7;
+  const double noise = std::max(std::sqrt(sum2 / freedom), kLeastNoise);
+  const Eigen::Vector3d spread = SpreadsOf(MomentsOf(in_site, in_site).scatter_a);
+  return noise / std::sqrt(spread[0] + spread[1]);
+}
+
+Similarity FitUprightOrRefuse(std::span<const ControlPair> pairs, const Gravity& gravity,
+                              const GeoreferenceOptions& options) {
+  std::string cause = gravity.cause;
+  if (gravity.up_in_map) {
+    const auto fit = Fitter(pairs, options, [&](const auto& a, const auto& b) {
+                       return FitUpright(a, b, *gravity.up_in_map);
+                     }).Fit();
+    if (fit) return *fit;
+    cause = "the line stands about upright";
+  }
+  throw ToolError("the control points lie nearly on a line, " + NamesOf(pairs) +
+                  ", and the cameras do not tell how the map is turned about it: " + cause +
+                  "; a point well beside the line would");
+}
+
 Eigen::Vector3d AxisInMap(const MapImage& image, const Eigen::Vector3d& axis_in_cam) {
   return image.cam_from_world.rotation.conjugate() * axis_in_cam;
 }
@@ -232,25 +334,10 @@ Similarity Inverse(const Similarity& b_from_a) {
 
 std::optional<Similarity> FitSimilarity(std::span<const Eigen::Vector3d> points_in_a,
                                         std::span<const Eigen::Vector3d> points_in_b) {
-  const std::size_t n = points_in_a.size();
-  if (n < 3 || points_in_b.size() != n) return std::nullopt;
-  Eigen::Vector3d mean_a, mean_b;
-  const auto a = Centred(points_in_a, mean_a);
-  const auto b = Centred(points_in_b, mean_b);
-  if (OnALine(a) || OnALine(b)) return std::nullopt;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
-  double variance_a = 0;
-  for (std::size_t i = 0; i < n; ++i) {
-    covariance += b[i] * a[i].transpose();
-    variance_a += a[i].squaredNorm();
-  }
-  Similarity b_from_a;
-  double trace = 0;
-  b_from_a.rotation = BestRotation(covariance, trace).normalized();
-  b_from_a.scale = trace / variance_a;
-  b_from_a.translation = mean_b - b_from_a.scale * (b_from_a.rotation * mean_a);
-  const bool usable = b_from_a.scale > 0 && std::isfinite(b_from_a.scale);
-  return usable ? std::optional(b_from_a) : std::nullopt;
+  if (points_in_a.size() < 3 || points_in_b.size() != points_in_a.size()) return std::nullopt;
+  const Moments m = MomentsOf(points_in_a, points_in_b);
+  if (OnALine(m.scatter_a) || OnALine(m.scatter_b)) return std::nullopt;
+  return WithRotation(m, BestRotation(m.covariance));
 }
 
 std::vector<ControlPoint> ReadControlFile(const fs::path& file) {
@@ -305,22 +392,21 @@ std::vector<ControlPair> PairWithCameras(const Reconstruction& map,
   return pairs;
 }
 
-Georeference FitGeoreference(std::span<const ControlPair> pairs,
+Georeference FitGeoreference(std::span<const ControlPair> pairs, const Gravity& gravity,
                              const GeoreferenceOptions& options) {
   if (pairs.size() < 3) {
     throw ToolError("three control points are needed, and the map has " +
                     std::to_string(pairs.size()) + (pairs.empty() ? "" : ": ") + NamesOf(pairs));
   }
-  Fitter fitter(pairs, options);
-  const std::optional<Similarity> fit = fitter.Fit();
-  if (!fit) throw ToolError("the control points lie on a line: " + NamesOf(pairs));
+  const std::optional<Similarity> fit = Fitter(pairs, options, FitSimilarity).Fit();
   Georeference result;
-  result.site_from_map = *fit;
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const double metres = fitter.Residual(*fit, i);
-    result.residuals.push_back({pairs[i].name, metres, metres <= options.max_residual});
+  if (fit) result = Measure(pairs, *fit, options);
+  // Without cameras that tell, what does not fit anyhow is not called a line.
+  if (fit && !gravity.up_in_map) RefuseBadFit(result, options);
+  if (!fit || RollSigma(pairs, result) > options.max_roll_sigma) {
+    result = Measure(pairs, FitUprightOrRefuse(pairs, gravity, options), options);
+    result.upright_by_cameras = true;
   }
-  result.median_metres = Median(result.residuals);
   RefuseBadFit(result, options);
   return result;
 }

@@ -58,11 +58,22 @@ struct ControlPair {
 std::vector<ControlPair> PairWithCameras(const Reconstruction& map,
                                          std::span<const ControlPoint> controls);
 
+// Which way is up, from cameras that people or robots carry level: their x axes are horizontal,
+// so up is the direction most orthogonal to all of them, on the side of their -y axes.
+struct Gravity {
+  std::optional<Eigen::Vector3d> up_in_map;  // unit
+  std::string cause = "not known";           // why there is none
+};
+Gravity EstimateGravity(const Reconstruction& map);
+
 struct GeoreferenceOptions {
   double max_residual = 0.5;      // metres; what is further off is an outlier
   double max_median = 0.25;       // metres; a fit worse than this is refused
   double min_inlier_share = 0.6;  // of the pairs
-  int max_trials = 5000;          // minimal sets tried; all of them where there are fewer
+  // Radians: about 2 degrees, what level cameras tell. Points whose noise leaves more about the
+  // line that they are nearest to are on a line, whatever they say of it.
+  double max_roll_sigma = 0.035;
+  int max_trials = 5000;  // minimal sets tried; all of them where there are fewer
   std::uint64_t seed = 1;
 };
 
@@ -76,25 +87,20 @@ struct Georeference {
   Similarity site_from_map;
   std::vector<ControlResidual> residuals;  // in the order of the pairs
   double median_metres = 0;                // over all pairs
+  // The points are nearly on a line: how the map is turned about it was read off its cameras.
+  bool upright_by_cameras = false;
 };
 
 // The similarity that most pairs agree with: FitSimilarity() of minimal sets, then of all
-// inliers. Deterministic. Throws ToolError naming the worst points: fewer than three pairs, all
-// (or all inliers) on a line, too few inliers, too large a median (also where the site's
-// coordinates are a mirror image).
-Georeference FitGeoreference(std::span<const ControlPair> pairs,
+// inliers. Where these lie so nearly on a line that the rotation about it is loose, `gravity`
+// decides that: up becomes z. Deterministic. Throws ToolError naming the worst points: fewer than
+// three pairs, a line where gravity is unknown or along it, too few inliers, too large a median
+// (also where the site's coordinates are a mirror image).
+Georeference FitGeoreference(std::span<const ControlPair> pairs, const Gravity& gravity = {},
                              const GeoreferenceOptions& options = {});
 
 // "a.jpg 0.02 m, b.jpg 3.10 m (left out)": for people.
 std::string DescribeResiduals(const Georeference& georeference);
-
-// Which way is up, from cameras that people or robots carry level: their x axes are horizontal,
-// so up is the direction most orthogonal to all of them, on the side of their -y axes.
-struct Gravity {
-  std::optional<Eigen::Vector3d> up_in_map;  // unit
-  std::string cause;                         // why there is none
-};
-Gravity EstimateGravity(const Reconstruction& map);
 
 // Turns the map's up into z: for maps without control points. The origin stays.
 Similarity LevelFromMap(const Eigen::Vector3d& up_in_map);

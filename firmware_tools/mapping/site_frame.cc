@@ -25,7 +25,7 @@ std::vector<ControlPair> PairsOf(const Reconstruction& map, const PlaceOptions& 
 }
 
 Georeference FitToSite(const Reconstruction& map, const PlaceOptions& options) {
-  Georeference fit = FitGeoreference(PairsOf(map, options));
+  Georeference fit = FitGeoreference(PairsOf(map, options), EstimateGravity(map));
   if (IsUpsideDown(map, fit.site_from_map)) {
     throw ToolError(
         "the control points stand the map on its head: are their z upwards, and x, y, "
@@ -68,7 +68,9 @@ MapPlacement LeaveFree(Reconstruction& map, const std::string& name, const Place
 std::string FitNote(const std::string& name, const Georeference& fit) {
   char median[64];
   std::snprintf(median, sizeof median, ": control points, median %.3f m: ", fit.median_metres);
-  return name + median + DescribeResiduals(fit);
+  const char* upright =
+      fit.upright_by_cameras ? "; nearly on a line, so the cameras say which way is up" : "";
+  return name + median + DescribeResiduals(fit) + upright;
 }
 
 MapPlacement Place(Reconstruction& map, std::size_t map_idx, const PlaceOptions& options,

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/mapping/site_map.h"
 
+#include <algorithm>
 #include <array>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -74,8 +75,8 @@ void Place(const ImageSet& set, const SiteMapOptions& options, SiteMap& site) {
   site.warnings.insert(site.warnings.end(), report.warnings.begin(), report.warnings.end());
 }
 
-SiteMap NoMap(const ImageSet& set, const SiteMapOptions& options) {
-  if (options.controls.source.empty()) return {};
+SiteMap NoMap(const ImageSet& set, const SiteMapOptions& options, SiteMap site = {}) {
+  if (options.controls.source.empty()) return site;
   throw ToolError(options.controls.source + ": no map to place by control points: " +
                   set.source.string() + " needs poses and a calibration, or ask for --map colmap");
 }
@@ -100,7 +101,9 @@ nlohmann::ordered_json FitAsJson(const Georeference& fit) {
     residuals.push_back(
         {{"name", residual.name}, {"metres", residual.metres}, {"used", residual.is_inlier}});
   }
-  return {{"median_m", fit.median_metres}, {"residuals", residuals}};
+  return {{"median_m", fit.median_metres},
+          {"upright_by_cameras", fit.upright_by_cameras},
+          {"residuals", residuals}};
 }
 
 }  // namespace
@@ -110,7 +113,11 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
                 const std::function<Progress(const std::string& stage)>& stages) {
   if (options.source == MapSource::kNone) return NoMap(set, options);
   const std::vector<int> kept = Mappable(set, features, image_idxs, options.source);
-  if (kept.size() < 2) return NoMap(set, options);
+  const bool known = options.source == MapSource::kPoses;
+  SiteMap none;
+  const std::string missing = known ? MissingCalibration(set, image_idxs) : "";
+  if (!missing.empty()) none.warnings.push_back(missing);
+  if (kept.size() < 2) return NoMap(set, options, std::move(none));
   std::vector<int> images;
   for (const int i : kept) images.push_back(image_idxs[i]);
   const MapInput input = MakeMapInput(set, features, images);
@@ -118,7 +125,6 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
   TwoViewOptions two_view;
   two_view.seed = options.seed;
   MapInput without_poses = input;
-  const bool known = options.source == MapSource::kPoses;
   if (!known) {
     for (MapFrame& frame : without_poses.frames) frame.cam_from_world.reset();
   }
@@ -126,11 +132,22 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
   const auto pairs =
       VerifyPairs(used, candidates, two_view, options.jobs, Begin(stages, "matching"));
   SiteMap site = Reconstruct(used, candidates, pairs, options, stages);
+  if (!missing.empty()) site.warnings.push_back(missing);
   if (!known) {
     site.warnings.insert(site.warnings.end(), input.warnings.begin(), input.warnings.end());
   }
   Place(set, options, site);
   return site;
+}
+
+std::string MissingCalibration(const ImageSet& set, std::span<const int> image_idxs) {
+  const auto missing = std::count_if(image_idxs.begin(), image_idxs.end(), [&](int i) {
+    return set.images[i].pose && set.images[i].camera_idx < 0;
+  });
+  if (missing == 0) return {};
+  return Count(missing, " of ") + Count(image_idxs.size(), " images have no camera for a map: ") +
+         set.DefaultCalibration().string() +
+         " is wanted, or a column `camera` (`viewfix calibrate` makes the file)";
 }
 
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site) {

@@ -47,12 +47,16 @@ struct SiteMap {
 // to the site's frame by its control points and tags (PlaceMaps()); without them, those of
 // kColmap are turned so that z is up, where the cameras tell. Cameras that the set does not give
 // are EXIF's or, at worst, guesses, whose focal lengths are refined; with kPoses, images without
-// a pose or a camera of the set are left out; fewer than two: no map.
+// a pose or a camera of the set are left out, which a warning tells; fewer than two: no map.
 //   similarity [n, n] dot products of the images' histograms, in the order of image_idxs
 // Throws ToolError: COLMAP fails, the controls do not fit, or there is no map to fit them to.
 SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<const int> image_idxs,
                 const Eigen::MatrixXf& similarity, const SiteMapOptions& options,
                 const std::function<Progress(const std::string& stage)>& stages);
+
+// Why images that have poses are left out of a kPoses map, naming the file that would help; empty:
+// each has a camera of the set.
+std::string MissingCalibration(const ImageSet& set, std::span<const int> image_idxs);
 
 // The set with the poses of a site's maps in place of its own; images in none have no pose. Only
 // the largest map's are taken: the others have frames of reference of their own.

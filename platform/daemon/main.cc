@@ -67,10 +67,10 @@ int Run(const DaemonOptions& options) {
   if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
   if (!status.ok() && g_stop == 0) return Fail(status);
   std::fprintf(stderr,
-               "viewfixd: %" PRIu64 " frames, %" PRIu64 " localized, %" PRIu64 " unreadable\n",
+               "viewfixd: %" PRIu64 " frames, %" PRIu64 " localized, %" PRIu64 " unusable\n",
                report.frames, report.localized, report.failed);
   if (report.frames > 0 || report.failed == 0) return 0;
-  return Fail({StatusCode::kCorrupt, "no frame could be read", options.replay_folder});
+  return Fail({StatusCode::kCorrupt, "no frame could be used", options.replay_folder});
 }
 
 int Main(int argc, char** argv) {

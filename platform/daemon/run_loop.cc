@@ -9,6 +9,7 @@
 #include "engine/pose/motion_model.h"
 #include "platform/camera/orient.h"
 #include "platform/clock.h"
+#include "platform/file.h"
 
 namespace viewfix {
 namespace {
@@ -17,6 +18,19 @@ namespace {
 int OrientationOf(int rotate_deg) {
   constexpr int kOrientations[] = {1, 6, 3, 8};
   return kOrientations[rotate_deg / 90];
+}
+
+std::string SizeText(int width, int height) {
+  return std::to_string(width) + "x" + std::to_string(height);
+}
+
+// Of an error that concerns this frame: its name, its size and, where one is given, its camera's.
+Status AboutFrame(const Frame& frame, const Camera* camera, const Status& status) {
+  std::string where = SizeText(frame.image.width, frame.image.height) + " pixels";
+  if (camera != nullptr) {
+    where.append(", calibrated at ").append(SizeText(camera->width, camera->height));
+  }
+  return AboutFile(frame.name, {status.code(), status.text(), where});
 }
 
 FrameTimes TimesOf(const Frame& frame) {
@@ -42,12 +56,15 @@ Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Locali
   MotionModel motion;
   Frame frame;
   GreyImage turned;
+  const auto pass_over = [&](const Status& fault) {
+    PrintFault(fault);
+    ++report.failed;
+  };
   while (stop == 0) {
     const Status read = source.Next(frame);
     if (read.code() == StatusCode::kNotFound) break;
     if (!read.ok()) {
-      PrintFault(read);
-      ++report.failed;
+      pass_over(read);
       continue;
     }
     if (rotate_deg != 0) {
@@ -63,7 +80,10 @@ Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Locali
       prior.map_idx = prediction->map_idx;
     }
     const Result<Fix> fix = localizer.Localize(frame.image.view(), prior);
-    if (!fix.ok()) return fix.status();
+    if (!fix.ok()) {
+      pass_over(AboutFrame(frame, camera, fix.status()));
+      continue;
+    }
     ++report.frames;
     if (fix->localized) ++report.localized;
     if (fix->has_pose) {

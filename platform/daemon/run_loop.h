@@ -12,14 +12,15 @@
 namespace viewfix {
 
 struct RunReport {
-  std::uint64_t frames = 0;  // that could be read
+  std::uint64_t frames = 0;  // that have their line in the output
   std::uint64_t localized = 0;
-  std::uint64_t failed = 0;  // that could not be read: each has its line on stderr
+  std::uint64_t failed = 0;  // that could not be used: each has its line on stderr
 };
 
 // Frame after frame: read, turn upright, localize, publish; until the source ends or `stop`
-// is set. An unreadable frame is reported on stderr and passed over. Returns why publishing
-// or localizing is impossible (kCancelled: the reader of the output is gone), else ok.
+// is set. A frame that cannot be read, or whose shape is not its camera's, is reported by name on
+// stderr and passed over: others of a replay may do. Returns why publishing is impossible
+// (kCancelled: the reader of the output is gone), else ok.
 // `camera`: of the frames once upright; null: the model's own. A frame is first looked for where
 // the frames before it lead.
 Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Localizer& localizer,

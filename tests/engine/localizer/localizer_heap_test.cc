@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Localize() allocates nothing. A program of its own: it replaces malloc, which Eigen and operator
-// new call.
+// Localize() allocates nothing.
 #include <gtest/gtest.h>
-
-#include <cstdlib>
 
 #include "engine/localizer.h"
 #include "tests/testing/allocation_counter.h"
@@ -11,16 +8,6 @@
 
 namespace viewfix {
 namespace {
-
-TEST(LocalizerHeap, TheCounterCounts) {
-  if (!CountsAllocations()) GTEST_SKIP() << "AddressSanitizer owns malloc";
-  const int before = AllocationsSoFar();
-  void* volatile memory = std::malloc(100);
-  std::free(memory);
-  int* volatile number = new int;
-  delete number;
-  EXPECT_GE(AllocationsSoFar(), before + 2);
-}
 
 TEST(LocalizerHeap, LocalizingAllocatesNothing) {
   const LandmarkSite site = MakeLandmarkSite();

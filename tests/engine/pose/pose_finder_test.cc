@@ -193,6 +193,48 @@ TEST(PoseFinder, TrackingFromAWrongPoseDoesNotLie) {
   }
 }
 
+// A third of the landmarks come again half a metre beside: tiles. Seen from where a prediction is
+// off by just that, they agree with it, and all else is out of reach.
+TEST(PoseFinder, TrackingDoesNotSettleForAPartOfWhatShouldBeSeen) {
+  SyntheticSite site;
+  ModelData& data = site.data();
+  const std::size_t third = data.landmark_position.size() / 3;
+  const double shift = 0.5;
+  for (std::size_t l = 0; l < third; ++l) {
+    data.landmark_position[third + l] = data.landmark_position[l];
+    std::int16_t& x = data.landmark_position[third + l][0];
+    x = static_cast<std::int16_t>(std::min(32767.0, x + shift / double{data.map_step[0]}));
+  }
+  std::copy_n(data.landmark_descriptors.begin(), third * SyntheticSite::kDim,
+              data.landmark_descriptors.begin() + third * SyntheticSite::kDim);
+  Finder finder(site);
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
+  for (const double side : {-1.0, 1.0}) {
+    Rigid3 predicted = truth;
+    predicted.translation += truth.rotation * Eigen::Vector3d(side * shift, 0, 0);
+    const FoundPose found =
+        finder->FindNear(features, SyntheticSite::camera(), false, 0, predicted);
+    EXPECT_FALSE(found.found) << found.evidence << " of " << found.expected << ", "
+                              << CentreError(found, truth) << " m off";
+  }
+  ExpectAt(finder->Find(features, SyntheticSite::camera(), false, AllKeyframes()), truth, 0.01,
+           0.003);
+}
+
+// What is right but weak is the whole search's to find.
+TEST(PoseFinder, TrackingLeavesAWeakPoseToTheWholeSearch) {
+  SyntheticSite site;
+  Finder finder(site);
+  Finder credulous(site, {.min_tracked_share = 0});
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0, {.share_seen = 0.35});
+  const Camera camera = SyntheticSite::camera();
+  EXPECT_FALSE(finder->FindNear(features, camera, false, 0, truth).found);
+  ExpectAt(credulous->FindNear(features, camera, false, 0, truth), truth, 0.02, 0.006);
+  ExpectAt(finder->Find(features, camera, false, AllKeyframes()), truth, 0.02, 0.006);
+}
+
 TEST(PoseFinder, TrackingFromNumbersThatAreNoneEnds) {
   SyntheticSite site;
   Finder finder(site);
@@ -299,6 +341,7 @@ TEST(PoseFinder, OptionsOutOfRangeAreRefused) {
       [](PoseFinderOptions& o) { o.max_ratio = 1.1F; },
       [](PoseFinderOptions& o) { o.max_ratio = std::numeric_limits<float>::quiet_NaN(); },
       [](PoseFinderOptions& o) { o.min_evidence_share = 1.5F; },
+      [](PoseFinderOptions& o) { o.min_tracked_share = -0.1F; },
       [](PoseFinderOptions& o) { o.rival_promise = std::numeric_limits<float>::quiet_NaN(); },
       [](PoseFinderOptions& o) { o.guided_radius_px = 0; },
       [](PoseFinderOptions& o) { o.tracking_radius_px = kNan; },

@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
-// Nothing of engine/pose allocates after construction. A program of its own: it replaces
-// malloc, which Eigen calls, and operator new.
+// Nothing of engine/pose allocates after construction.
 #include <gtest/gtest.h>
-
-#include <cstdlib>
-#include <new>
 
 #include "engine/pose/absolute_pose.h"
 #include "engine/pose/window_adjuster.h"
@@ -14,16 +10,6 @@
 
 namespace viewfix {
 namespace {
-
-TEST(PoseHeap, TheCounterCounts) {
-  if (!CountsAllocations()) GTEST_SKIP() << "AddressSanitizer owns malloc";
-  const int before = AllocationsSoFar();
-  void* volatile memory = std::malloc(100);
-  std::free(memory);
-  int* volatile number = new int;
-  delete number;
-  EXPECT_GE(AllocationsSoFar(), before + 2);
-}
 
 TEST(PoseHeap, EstimationRefinementAndWindowAllocateNothing) {
   std::mt19937 random(1);

@@ -9,8 +9,8 @@
 
 #include "models/model_view.h"
 #include "platform/file.h"
+#include "tests/firmware_tools/cli/viewfix_program.h"
 #include "tests/testing/jpeg_encoder.h"
-#include "tests/testing/run_program.h"
 #include "tests/testing/small_site.h"
 
 namespace viewfix {
@@ -19,19 +19,8 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-ProgramRun Viewfix(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), VIEWFIX);
-  return RunProgram(arguments);
-}
-
 ProgramRun TrainSite(const std::string& set, const std::string& model) {
   return Viewfix({"train", set, "--out", model, "--words", "20", "--max-features", "100"});
-}
-
-// The line that says why, behind the progress and the warnings.
-std::string LastLine(const ProgramRun& run) {
-  const auto lines = Lines(run.err);
-  return lines.empty() ? "" : lines.back();
 }
 
 // PREFIX0, PREFIX1, ... (g++ 12 warns wrongly of `"a" + std::to_string(i)`.)
@@ -163,6 +152,22 @@ TEST_F(CliTest, PosesFromAnotherFile) {
   const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--poses", bad});
   EXPECT_EQ(eval.exit_code, 1);
   EXPECT_THAT(LastLine(eval), HasSubstr("bad.tum line 1"));
+}
+
+// Poses alone give no landmarks: where a map was asked for that is an error, else a warning.
+TEST_F(CliTest, AMapUnderPosesNeedsACalibration) {
+  const std::string site = SiteWithPoses();
+  std::filesystem::remove(site + "/calibration.yaml");
+  const ProgramRun asked =
+      Viewfix({"train", site, "--out", Model(), "--words", "20", "--map", "poses"});
+  EXPECT_EQ(asked.exit_code, 1);
+  EXPECT_THAT(LastLine(asked), HasSubstr("site/images.csv: 48 of 48 images have no camera"));
+  EXPECT_THAT(LastLine(asked), HasSubstr("site/calibration.yaml is wanted"));
+  EXPECT_THAT(asked.err, Not(HasSubstr("features"))) << "said before any work";
+  const ProgramRun train = TrainSite(site, Model());
+  EXPECT_EQ(train.exit_code, 0) << train.err;
+  EXPECT_THAT(train.err, HasSubstr("warning: 48 of 48 images have no camera for a map: "));
+  EXPECT_THAT(train.err, HasSubstr("site/calibration.yaml is wanted"));
 }
 
 TEST_F(CliTest, AMapOnTheFloorPlan) {

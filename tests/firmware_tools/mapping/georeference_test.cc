@@ -33,9 +33,23 @@ std::vector<ControlPair> Pairs(int count, double noise, unsigned seed) {
   return pairs;
 }
 
-std::string ErrorOf(const std::vector<ControlPair>& pairs) {
+// Along a straight corridor of 20 m, level on the site, at most `width` beside its middle.
+std::vector<ControlPair> CorridorPairs(double width, double noise) {
+  auto pairs = Pairs(10, noise, 4);
+  for (int i = 0; i < 10; ++i) {
+    const Eigen::Vector3d error = pairs[i].point_in_site - kTruth * pairs[i].point_in_map;
+    const Eigen::Vector3d in_site(5 + 2 * i, 3 + width * ((i * 7) % 5 - 2) / 2, 1.5);
+    pairs[i].point_in_map = Inverse(kTruth) * in_site;
+    pairs[i].point_in_site = in_site + error;
+  }
+  return pairs;
+}
+
+Gravity TrueGravity() { return {kTruth.rotation.conjugate() * Eigen::Vector3d::UnitZ(), {}}; }
+
+std::string ErrorOf(const std::vector<ControlPair>& pairs, const Gravity& gravity = {}) {
   try {
-    FitGeoreference(pairs);
+    FitGeoreference(pairs, gravity);
   } catch (const ToolError& error) {
     return error.what();
   }
@@ -87,6 +101,63 @@ TEST(FitGeoreference, RefusesWhatDoesNotFit) {
   for (ControlPair& pair : mirrored) pair.point_in_site.x() *= -1;
   EXPECT_THAT(ErrorOf(mirrored), HasSubstr("do not fit the map"));
   EXPECT_THAT(ErrorOf(Pairs(8, 0.2, 1)), HasSubstr("median"));
+}
+
+TEST(FitGeoreference, PointsOnALineAreTurnedUprightByTheCameras) {
+  const Georeference line = FitGeoreference(CorridorPairs(0, 0), TrueGravity());
+  EXPECT_TRUE(line.upright_by_cameras);
+  ExpectNear(line.site_from_map, kTruth, 1e-7);
+  // Here the points do say how the map is turned about the line, but degrees wrong.
+  const auto narrow = CorridorPairs(0.18, 0.09);
+  std::vector<Eigen::Vector3d> a, b;
+  for (const ControlPair& pair : narrow) {
+    a.push_back(pair.point_in_map);
+    b.push_back(pair.point_in_site);
+  }
+  const auto up_of = [](const Similarity& s) {
+    return std::acos((s.rotation * *TrueGravity().up_in_map).z());
+  };
+  const auto by_points = FitSimilarity(a, b);
+  ASSERT_TRUE(by_points);
+  EXPECT_GT(up_of(*by_points), 0.04);
+  const Georeference fit = FitGeoreference(narrow, TrueGravity());
+  EXPECT_TRUE(fit.upright_by_cameras);
+  EXPECT_LT(up_of(fit.site_from_map), 0.01);
+  ExpectNear(fit.site_from_map, kTruth, 0.02);
+}
+
+TEST(FitGeoreference, ALineWithoutUprightCamerasIsRefused) {
+  for (const auto& pairs : {CorridorPairs(0, 0), CorridorPairs(0.18, 0.09)}) {
+    EXPECT_THAT(ErrorOf(pairs, {std::nullopt, "the cameras roll too much"}),
+                AllOf(HasSubstr("nearly on a line, p0, p1, p2, ..."), HasSubstr("roll too much"),
+                      HasSubstr("beside the line")));
+  }
+  auto shaft = CorridorPairs(0, 0);
+  for (ControlPair& pair : shaft) {
+    pair.point_in_site = Eigen::Vector3d(1, 2, pair.point_in_site.x());
+    pair.point_in_map = Inverse(kTruth) * pair.point_in_site;
+  }
+  EXPECT_THAT(ErrorOf(shaft, TrueGravity()), HasSubstr("stands about upright"));
+}
+
+// Every three points that are not on the line hold the wrong one; upright, the line finds itself.
+TEST(FitGeoreference, ALineWithAnOutlierBesideIt) {
+  auto pairs = CorridorPairs(0, 0);
+  pairs[3].point_in_site.y() += 6;
+  pairs[3].point_in_map = Inverse(kTruth) * (pairs[3].point_in_site + Eigen::Vector3d(0, 0, 5));
+  const Georeference fit = FitGeoreference(pairs, TrueGravity());
+  ExpectNear(fit.site_from_map, kTruth, 1e-7);
+  EXPECT_FALSE(fit.residuals[3].is_inlier);
+  EXPECT_TRUE(fit.residuals[4].is_inlier);
+}
+
+// Tags on the walls of a corridor, placed to a millimetre, know better than the cameras.
+TEST(FitGeoreference, ANarrowFieldOfGoodPointsNeedsNoCameras) {
+  Gravity tilted = TrueGravity();
+  tilted.up_in_map = Eigen::AngleAxisd(0.1, Eigen::Vector3d::UnitX()) * *tilted.up_in_map;
+  const Georeference fit = FitGeoreference(CorridorPairs(0.6, 0.001), tilted);
+  EXPECT_FALSE(fit.upright_by_cameras);
+  ExpectNear(fit.site_from_map, kTruth, 0.005);
 }
 
 TEST(FitSimilarity, NeverMirrors) {

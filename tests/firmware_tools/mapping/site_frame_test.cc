@@ -79,6 +79,30 @@ TEST(PlaceMaps, TheLargestMustFit) {
   }
 }
 
+// Three cameras, of which the site knows places on a line: the cameras' own level does the rest.
+TEST(PlaceMaps, ControlsOnALineTakeTheCamerasLevel) {
+  std::vector<Reconstruction> maps = {SyntheticMap(1)};
+  SiteControls controls = ControlsOf(maps[0], 0);
+  for (int i = 0; i < 3; ++i) {
+    Rigid3& pose = maps[0].images[i].cam_from_world;
+    pose.translation = -(pose.rotation * Eigen::Vector3d(i, 0.5 * i, 0.3));
+    controls.points.push_back(
+        {maps[0].images[i].name, SiteFromMap() * CentreOf(maps[0].images[i])});
+  }
+  const Reconstruction before = maps[0];
+  const PlaceReport report = PlaceMaps(maps, {.controls = controls, .folder = {}});
+  EXPECT_TRUE(report.placements[0].fit->upright_by_cameras);
+  EXPECT_THAT(report.notes[0], HasSubstr("nearly on a line"));
+  EXPECT_LT((CentreOf(maps[0].images[8]) - SiteFromMap() * CentreOf(before.images[8])).norm(),
+            1e-6);
+  for (MapImage& image : maps[0].images) {  // all look one way: none knows which is up
+    const Eigen::Vector3d centre = CentreOf(image);
+    image.cam_from_world.rotation = PoseOnCircle(0, 0).rotation;
+    image.cam_from_world.translation = -(image.cam_from_world.rotation * centre);
+  }
+  EXPECT_THROW(PlaceMaps(maps, {.controls = controls, .folder = {}}), ToolError);
+}
+
 TEST(PlaceMaps, UpsideDownIsRefused) {
   std::vector<Reconstruction> maps = {SyntheticMap(1)};
   SiteControls controls = ControlsOf(maps[0], 8);

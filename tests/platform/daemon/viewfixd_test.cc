@@ -79,7 +79,7 @@ TEST_F(ViewfixdTest, ReplaysAFolder) {
     EXPECT_THAT(lines[i], StartsWith("{\"schema\":1,\"seq\":" + std::to_string(i) + ","));
     EXPECT_THAT(lines[i], HasSubstr(i < 3 ? "\"location\":\"floor1/" : "\"location\":null"));
   }
-  EXPECT_EQ(run.err, "viewfixd: 4 frames, 3 localized, 0 unreadable\n");
+  EXPECT_EQ(run.err, "viewfixd: 4 frames, 3 localized, 0 unusable\n");
 }
 
 TEST_F(ViewfixdTest, TwoRunsAgreeTimesAside) {
@@ -124,14 +124,14 @@ TEST_F(ViewfixdTest, AnUnreadableFrameIsNamedCountedAndPassedOver) {
   EXPECT_THAT(Lines(run.out), SizeIs(3));
   EXPECT_THAT(run.out, Not(HasSubstr("\"seq\":1,")));
   EXPECT_THAT(run.err, HasSubstr("walk/1.jpg"));
-  EXPECT_THAT(run.err, HasSubstr("3 frames, 2 localized, 1 unreadable"));
+  EXPECT_THAT(run.err, HasSubstr("3 frames, 2 localized, 1 unusable"));
 }
 
 TEST_F(ViewfixdTest, NoReadableFrameIsAFailure) {
   folder_.Write("bad/1.jpg", "no JPEG");
   const ProgramRun run = Viewfixd({"--model", model_, "--camera", "replay:" + folder_ / "bad"});
   EXPECT_EQ(run.exit_code, 1);
-  EXPECT_THAT(run.err, HasSubstr("no frame could be read"));
+  EXPECT_THAT(run.err, HasSubstr("no frame could be used"));
 }
 
 TEST_F(ViewfixdTest, WrongUsageIsTwo) {
@@ -220,11 +220,35 @@ TEST_F(ViewfixdTest, CalibrationReplacesTheModelsCamera) {
   ExpectOneLine(run({"--calibration", broken}), 1, "broken.yaml");
   const std::string empty = folder_.Write("empty.yaml", "");
   ExpectOneLine(run({"--calibration", empty}), 1, "empty.yaml");
-  LandmarkSite portrait = site;
-  std::swap(portrait.camera.width, portrait.camera.height);
-  const std::string turned = folder_.Write("turned.yaml", CalibrationYaml(portrait, 280));
-  ExpectOneLine(run({"--calibration", turned}), 1, "shape");
   ExpectOneLine(run({"--calibration", ""}), 2, "--calibration needs a file");
+}
+
+// One of the calibration's shape at twice its size, and one of another: the first two are
+// localized, the third is named and passed over.
+TEST_F(ViewfixdTest, AFrameOfAnotherShapeThanItsCalibrationIsNamedAndPassedOver) {
+  const LandmarkSite site = MakeLandmarkSite();
+  const std::string model = folder_.Write("landmarks.vfx", *WriteModel(site.data));
+  const std::string yaml = folder_.Write("camera.yaml", CalibrationYaml(site, site.camera.fx));
+  std::vector<std::uint8_t> doubled;
+  for (int y = 0; y < 2 * site.height; ++y) {
+    for (int x = 0; x < 2 * site.width; ++x) {
+      doubled.push_back(site.pixels[y / 2 * site.width + x / 2]);
+    }
+  }
+  folder_.Write("mixed/0.jpg", EncodeJpeg(site.pixels, site.width, site.height, 1));
+  folder_.Write("mixed/1.jpg", EncodeJpeg(site.pixels, site.height, site.width, 1));
+  folder_.Write("mixed/2.jpg", EncodeJpeg(doubled, 2 * site.width, 2 * site.height, 1));
+  const ProgramRun run = Viewfixd(
+      {"--model", model, "--camera", "replay:" + folder_ / "mixed", "--calibration", yaml});
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+  const std::vector<std::string> lines = Lines(run.out);
+  ASSERT_THAT(lines, SizeIs(2)) << run.err;
+  for (const std::string& line : lines) EXPECT_THAT(line, HasSubstr("\"pose\":{"));
+  EXPECT_THAT(lines[1], HasSubstr("\"seq\":2,"));
+  EXPECT_EQ(run.err,
+            "viewfixd: image and camera calibration differ in shape: 1.jpg: 240x320 pixels, "
+            "calibrated at 320x240\n"
+            "viewfixd: 2 frames, 2 localized, 1 unusable\n");
 }
 
 // The same frame again and again: from the second on it is tracked, and stays where it is.
@@ -312,7 +336,7 @@ TEST_F(ViewfixdPipeTest, ASignalEndsItCleanly) {
   while (::read(reader_, text.data(), text.size()) > 0) {
   }
   EXPECT_EQ(Wait(), 0);
-  EXPECT_THAT(Errors(), HasSubstr("localized, 0 unreadable"));
+  EXPECT_THAT(Errors(), HasSubstr("localized, 0 unusable"));
   EXPECT_THAT(Errors(), Not(HasSubstr("5000 frames")));
 }
 
