@@ -22,6 +22,8 @@ constexpr double kLeastAngleDeg = 2;
 // How far from its epipolar line a match may lie that agrees with a map; of an image of 640
 // pixels a side. Maps as COLMAP leaves them are off by a few pixels here and there.
 constexpr double kAgreePx = 3;
+// Frames no further apart in order are neighbours, not a loop.
+constexpr int kNeighbours = 8;
 constexpr std::string_view kNoModel = "failed to create sparse model";  // COLMAP's words
 
 // FNV-1a, 64 bits: whether a kept folder was made of the same input.
@@ -182,7 +184,7 @@ class WorkFolder {
   fs::path folder_;
 };
 
-// Few frames missing, and few loops open: these are rare even where a map is bent.
+// Few frames missing, and loops that close.
 bool IsBetter(const ColmapTrial& a, const ColmapTrial& b, int num_frames) {
   const auto cost = [&](const ColmapTrial& trial) {
     return double(num_frames - trial.registered) / num_frames + 10 * trial.open_share;
@@ -211,7 +213,7 @@ std::vector<FramePair> ChooseInitialPairs(std::span<const VerifiedPair> pairs, i
   return chosen;
 }
 
-double OpenPairShare(const MapInput& input, std::span<const VerifiedPair> pairs,
+double OpenLoopShare(const MapInput& input, std::span<const VerifiedPair> pairs,
                      const Reconstruction& map) {
   std::unordered_map<std::string, const MapImage*> by_name;
   for (const MapImage& image : map.images) by_name[image.name] = &image;
@@ -223,23 +225,25 @@ double OpenPairShare(const MapInput& input, std::span<const VerifiedPair> pairs,
     images[f] = found->second;
     bearings[f] = Bearings(map.cameras[images[f]->camera_idx], *input.frames[f].features);
   }
-  int asked = 0, open = 0;
+  const std::vector<int> position = PositionsInCapture(input);
+  std::size_t asked = 0, open = 0;
   for (const VerifiedPair& pair : pairs) {
     const auto [first, second] = pair.frames;
     if (!images[first] || !images[second]) continue;
+    const bool is_loop = input.frames[first].capture != input.frames[second].capture ||
+                         std::abs(position[first] - position[second]) > kNeighbours;
+    if (!is_loop) continue;
     const Rigid3 second_from_first =
         images[second]->cam_from_world * Inverse(images[first]->cam_from_world);
-    const double max_error = kAgreePx * PixelsPerNominal(map.cameras[images[first]->camera_idx]) /
-                             map.cameras[images[first]->camera_idx].fx;
-    const auto agrees = [&](const FeatureMatch& match) {
+    const Camera& camera = map.cameras[images[first]->camera_idx];
+    const double max_error = kAgreePx * PixelsPerNominal(camera) / camera.fx;
+    open += std::count_if(pair.matches.begin(), pair.matches.end(), [&](const FeatureMatch& match) {
       return EpipolarError(second_from_first, bearings[first][match.first_idx],
-                           bearings[second][match.second_idx]) < max_error;
-    };
-    const auto agreeing = std::count_if(pair.matches.begin(), pair.matches.end(), agrees);
-    ++asked;
-    if (2 * agreeing < std::ssize(pair.matches)) ++open;
+                           bearings[second][match.second_idx]) > max_error;
+    });
+    asked += pair.matches.size();
   }
-  return asked > 0 ? double(open) / asked : 1;
+  return asked > 0 ? double(open) / double(asked) : 0;
 }
 
 std::optional<ColmapTrial> RunColmapMapper(const MapInput& input,
@@ -254,7 +258,7 @@ std::optional<ColmapTrial> RunColmapMapper(const MapInput& input,
     if (!map) continue;
     ColmapTrial trial{initial, std::move(*map), 0, 0};
     trial.registered = static_cast<int>(trial.map.images.size());
-    trial.open_share = OpenPairShare(input, pairs, trial.map);
+    trial.open_share = OpenLoopShare(input, pairs, trial.map);
     const bool good = trial.registered >= options.min_registered * num_frames &&
                       trial.open_share <= options.max_open;
     if (!best || IsBetter(trial, *best, num_frames)) best = std::move(trial);

@@ -18,11 +18,11 @@ struct ColmapOptions {
   std::filesystem::path work_folder;  // made if missing; kept, and used again
   int seed = 1;
   bool refine_focal = false;
-  int max_trials = 4;  // initial pairs tried before the best model is taken
-  // A model that needs no other trial: share of the frames that it registers, and of the pairs
-  // that it leaves open. A bent map has no large errors but a few loops that do not close.
+  int max_trials = 3;  // initial pairs tried before the best model is taken
+  // A model that needs no other trial: share of the frames that it registers, and of the loops'
+  // matches that it contradicts. A bent map shows nowhere else.
   double min_registered = 0.9;
-  double max_open = 0.002;
+  double max_open = 0.015;
 };
 
 // The poses that COLMAP's mapper gives one connected set of frames.
@@ -30,7 +30,7 @@ struct ColmapTrial {
   FramePair initial;  // that the mapper began with
   Reconstruction map;
   int registered = 0;
-  double open_share = 0;  // OpenPairShare()
+  double open_share = 0;  // OpenLoopShare()
 };
 
 // Pairs to begin a reconstruction with, best first: many matches and wide angles, no frame
@@ -49,9 +49,10 @@ std::optional<ColmapTrial> RunColmapMapper(const MapInput& input,
                                            const ColmapOptions& options, int jobs,
                                            const Progress& progress = {});
 
-// Share of the pairs between a map's images that the map contradicts: less than half of their
-// matches agree with its motion from one to the other. Images are known by their names.
-double OpenPairShare(const MapInput& input, std::span<const VerifiedPair> pairs,
+// Share of the matches that a map contradicts, of those between images far apart in order or of
+// different captures: where a walk meets itself again. Images are known by their names. 0 where
+// there is no loop.
+double OpenLoopShare(const MapInput& input, std::span<const VerifiedPair> pairs,
                      const Reconstruction& map);
 
 }  // namespace viewfix

@@ -29,8 +29,7 @@ class LookAlikes {
   LookAlikes(const MapInput& input, std::span<const VerifiedPair> pairs,
              const LookAlikeOptions& options)
       : input_(input), pairs_(pairs), options_(options) {
-    std::map<std::string, int> count;
-    for (const MapFrame& frame : input.frames) position_.push_back(count[frame.capture]++);
+    position_ = PositionsInCapture(input);
     CountConfirmed();
   }
 

@@ -2,6 +2,7 @@
 #include "firmware_tools/mapping/map_input.h"
 
 #include <algorithm>
+#include <map>
 #include <string>
 
 #include "firmware_tools/dataset/calibration_file.h"
@@ -85,6 +86,13 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
   }
   TellGuesses(guesses, input);
   return input;
+}
+
+std::vector<int> PositionsInCapture(const MapInput& input) {
+  std::map<std::string, int> count;
+  std::vector<int> positions;
+  for (const MapFrame& frame : input.frames) positions.push_back(count[frame.capture]++);
+  return positions;
 }
 
 double PixelsPerNominal(const Camera& camera) {

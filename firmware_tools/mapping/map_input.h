@@ -27,8 +27,8 @@ struct MapFrame {
 struct MapInput {
   std::vector<Camera> cameras;
   std::vector<MapFrame> frames;
-  bool focal_is_guess = false;         // of at least one camera
-  std::vector<std::string> warnings;   // which cameras are guesses
+  bool focal_is_guess = false;        // of at least one camera
+  std::vector<std::string> warnings;  // which cameras are guesses
 };
 
 // Frames first_idx < second_idx of a MapInput.
@@ -44,6 +44,9 @@ struct FramePair {
 // pinhole with a focal length of 1.2 times the longer side: the middle of what cameras have.
 MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
                       std::span<const int> image_idxs);
+
+// [frames] the how many-th of its capture a frame is, from 0.
+std::vector<int> PositionsInCapture(const MapInput& input);
 
 // Pixels of an image of 640 pixels a side, in which thresholds are stated, to pixels of this
 // camera.

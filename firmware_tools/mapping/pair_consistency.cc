@@ -24,8 +24,7 @@ class Consistency {
   Consistency(const MapInput& input, std::span<const VerifiedPair> pairs,
               const ConsistencyOptions& options)
       : input_(input), pairs_(pairs), options_(options), kept_(pairs.size(), true) {
-    std::map<std::string, int> count;
-    for (const MapFrame& frame : input.frames) position_.push_back(count[frame.capture]++);
+    position_ = PositionsInCapture(input);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       pair_of_[pairs[i].frames] = static_cast<int>(i);
     }
@@ -47,7 +46,25 @@ class Consistency {
   struct Loop {
     int pairs[3];
     double error_deg;
+    int closed;  // key points that return to themselves
   };
+
+  // The key point of the second frame that one of the first is matched with; -1: none.
+  static int Follow(const VerifiedPair& pair, int first_idx) {
+    const auto match =
+        std::lower_bound(pair.matches.begin(), pair.matches.end(), first_idx,
+                         [](const FeatureMatch& m, int idx) { return m.first_idx < idx; });
+    const bool found = match != pair.matches.end() && match->first_idx == first_idx;
+    return found ? match->second_idx : -1;
+  }
+
+  static int CountClosed(const VerifiedPair& ab, const VerifiedPair& bc, const VerifiedPair& ac) {
+    return static_cast<int>(
+        std::count_if(ac.matches.begin(), ac.matches.end(), [&](const FeatureMatch& match) {
+          const int in_b = Follow(ab, match.first_idx);
+          return in_b >= 0 && Follow(bc, in_b) == match.second_idx;
+        }));
+  }
 
   bool AreApart(int a, int b, int window) const {
     return input_.frames[a].capture != input_.frames[b].capture ||
@@ -73,7 +90,8 @@ class Consistency {
             pairs_[bc].second_from_first.rotation * pairs_[pair].second_from_first.rotation;
         const double error =
             around.angularDistance(pairs_[closing->second].second_from_first.rotation) * kDegrees;
-        loops_.push_back({{pair, bc, closing->second}, error});
+        const int closed = CountClosed(pairs_[pair], pairs_[bc], pairs_[closing->second]);
+        loops_.push_back({{pair, bc, closing->second}, error, closed});
       }
     }
   }
@@ -83,9 +101,10 @@ class Consistency {
     std::vector<Votes> votes(pairs_.size());
     for (const Loop& loop : loops_) {
       if (!kept_[loop.pairs[0]] || !kept_[loop.pairs[1]] || !kept_[loop.pairs[2]]) continue;
+      const bool closes = loop.closed >= options_.min_closed;
       for (const int pair : loop.pairs) {
-        votes[pair].support += loop.error_deg <= options_.max_loop_error_deg;
-        votes[pair].contradiction += loop.error_deg >= options_.min_contradiction_deg;
+        votes[pair].support += closes || loop.error_deg <= options_.max_loop_error_deg;
+        votes[pair].contradiction += !closes && loop.error_deg >= options_.min_contradiction_deg;
       }
     }
     return votes;

@@ -11,13 +11,17 @@ namespace {
 
 FramePair Ordered(int a, int b) { return {std::min(a, b), std::max(a, b)}; }
 
-std::set<FramePair> PairsByOrder(const MapInput& input, int window) {
+std::map<std::string, std::vector<int>> FramesByCapture(const MapInput& input) {
   std::map<std::string, std::vector<int>> captures;
   for (std::size_t i = 0; i < input.frames.size(); ++i) {
     captures[input.frames[i].capture].push_back(static_cast<int>(i));
   }
+  return captures;
+}
+
+std::set<FramePair> PairsByOrder(const MapInput& input, int window) {
   std::set<FramePair> pairs;
-  for (const auto& [name, frames] : captures) {
+  for (const auto& [name, frames] : FramesByCapture(input)) {
     for (std::size_t i = 0; i < frames.size(); ++i) {
       for (std::size_t j = i + 1; j < frames.size() && j <= i + window; ++j) {
         pairs.insert(Ordered(frames[i], frames[j]));
@@ -58,6 +62,43 @@ std::vector<FramePair> SelectPairs(const MapInput& input, const Eigen::MatrixXf&
     for (int k = 0; k < count; ++k) pairs.insert(Ordered(i, others[k]));
   }
   return {pairs.begin(), pairs.end()};
+}
+
+std::vector<FramePair> PairsBeside(const MapInput& input, std::span<const VerifiedPair> verified,
+                                   std::span<const FramePair> tried, const PairOptions& options) {
+  std::vector<std::vector<int>> beside(input.frames.size());  // of a frame, with itself
+  for (const auto& [name, frames] : FramesByCapture(input)) {
+    const int n = static_cast<int>(frames.size());
+    for (int i = 0; i < n; ++i) {
+      const int end = std::min(n, i + options.reach + 1);
+      for (int j = std::max(0, i - options.reach); j < end; ++j) {
+        beside[frames[i]].push_back(frames[j]);
+      }
+    }
+  }
+  const std::set<FramePair> by_order = PairsByOrder(input, options.window);
+  const std::set<FramePair> known(tried.begin(), tried.end());
+  std::map<FramePair, std::size_t> matches_beside;
+  for (const VerifiedPair& pair : verified) {
+    if (by_order.contains(pair.frames)) continue;
+    for (const int a : beside[pair.frames.first_idx]) {
+      for (const int b : beside[pair.frames.second_idx]) {
+        const FramePair frames = Ordered(a, b);
+        if (a == b || known.contains(frames)) continue;
+        std::size_t& matches = matches_beside[frames];
+        matches = std::max(matches, pair.matches.size());
+      }
+    }
+  }
+  std::vector<std::pair<FramePair, std::size_t>> ranked(matches_beside.begin(),
+                                                        matches_beside.end());
+  std::stable_sort(ranked.begin(), ranked.end(),
+                   [](const auto& a, const auto& b) { return a.second > b.second; });
+  if (ranked.size() > tried.size() / 2) ranked.resize(tried.size() / 2);
+  std::vector<FramePair> pairs;
+  for (const auto& [frames, matches] : ranked) pairs.push_back(frames);
+  std::sort(pairs.begin(), pairs.end());
+  return pairs;
 }
 
 }  // namespace viewfix

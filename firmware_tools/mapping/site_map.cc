@@ -35,20 +35,44 @@ std::string Count(std::size_t n, const char* what) {
   return text;
 }
 
-SiteMap Reconstruct(const MapInput& input, std::span<const FramePair> candidates,
-                    std::span<const VerifiedPair> pairs, const SiteMapOptions& options,
+struct Matched {
+  std::vector<FramePair> candidates;  // ascending, as are pairs
+  std::vector<VerifiedPair> pairs;
+};
+
+Matched MatchFrames(const MapInput& input, const Eigen::MatrixXf& similarity, bool known,
+                    const SiteMapOptions& options,
+                    const std::function<Progress(const std::string&)>& stages) {
+  TwoViewOptions two_view;
+  two_view.seed = options.seed;
+  Matched matched{SelectPairs(input, similarity), {}};
+  matched.pairs =
+      VerifyPairs(input, matched.candidates, two_view, options.jobs, Begin(stages, "matching"));
+  if (known) return matched;
+  const auto beside = PairsBeside(input, matched.pairs, matched.candidates);
+  std::ranges::move(
+      VerifyPairs(input, beside, two_view, options.jobs, Begin(stages, "matching loops")),
+      std::back_inserter(matched.pairs));
+  std::ranges::sort(matched.pairs, {}, &VerifiedPair::frames);
+  std::ranges::copy(beside, std::back_inserter(matched.candidates));
+  std::ranges::sort(matched.candidates);
+  return matched;
+}
+
+SiteMap Reconstruct(const MapInput& input, const Matched& matched, const SiteMapOptions& options,
                     const std::function<Progress(const std::string&)>& stages) {
   SiteMap site;
   if (options.source == MapSource::kPoses) {
-    site.maps.push_back(
-        TriangulateWithPoses(input, pairs, {}, options.jobs, Begin(stages, "triangulation")));
+    site.maps.push_back(TriangulateWithPoses(input, matched.pairs, {}, options.jobs,
+                                             Begin(stages, "triangulation")));
     return site;
   }
   SfmOptions sfm;
   sfm.colmap.work_folder = options.work_folder;
   sfm.colmap.seed = options.seed;
   sfm.colmap.refine_focal = input.focal_is_guess;
-  SfmResult result = MapPhotographs(input, candidates, pairs, sfm, options.jobs, stages);
+  SfmResult result =
+      MapPhotographs(input, matched.candidates, matched.pairs, sfm, options.jobs, stages);
   site.maps = std::move(result.maps);
   if (site.maps.size() > 1) {
     site.warnings.push_back(
@@ -121,17 +145,13 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
   std::vector<int> images;
   for (const int i : kept) images.push_back(image_idxs[i]);
   const MapInput input = MakeMapInput(set, features, images);
-  const auto candidates = SelectPairs(input, similarity(kept, kept));
-  TwoViewOptions two_view;
-  two_view.seed = options.seed;
   MapInput without_poses = input;
   if (!known) {
     for (MapFrame& frame : without_poses.frames) frame.cam_from_world.reset();
   }
   const MapInput& used = known ? input : without_poses;
-  const auto pairs =
-      VerifyPairs(used, candidates, two_view, options.jobs, Begin(stages, "matching"));
-  SiteMap site = Reconstruct(used, candidates, pairs, options, stages);
+  const Matched matched = MatchFrames(used, similarity(kept, kept), known, options, stages);
+  SiteMap site = Reconstruct(used, matched, options, stages);
   if (!missing.empty()) site.warnings.push_back(missing);
   if (!known) {
     site.warnings.insert(site.warnings.end(), input.warnings.begin(), input.warnings.end());

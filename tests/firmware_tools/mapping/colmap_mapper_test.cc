@@ -161,6 +161,26 @@ TEST_F(ColmapMapper, BeginsWithManyMatchesAndWideAngles) {
               ::testing::ElementsAre(FramePair{3, 4}, FramePair{1, 2}));
 }
 
+TEST_F(ColmapMapper, CountsMatchesOfLoopsThatAMapContradicts) {
+  Reconstruction map;
+  map.cameras = input_.cameras;
+  for (int f = 0; f < 6; ++f) {
+    map.images.push_back({.name = input_.frames[f].name,
+                          .camera_idx = input_.frames[f].camera_idx,
+                          .cam_from_world = scene_.cam_from_world[f],
+                          .keypoints = {},
+                          .point_idx = {}});
+  }
+  map.images.back().cam_from_world.translation.y() += 0.5;
+  EXPECT_EQ(OpenLoopShare(input_, pairs_, map), 0);  // one walk, no loop
+  input_.frames.back().capture = "another walk";
+  EXPECT_GT(OpenLoopShare(input_, pairs_, map), 0.8);
+  map.images.back().cam_from_world = scene_.cam_from_world[5];
+  EXPECT_LT(OpenLoopShare(input_, pairs_, map), 0.01);
+  map.images.pop_back();  // what is not in the map says nothing
+  EXPECT_EQ(OpenLoopShare(input_, pairs_, map), 0);
+}
+
 // The whole way with the real program, where it is installed.
 TEST_F(ColmapMapper, MapsASceneFromScratch) {
   if (std::string(COLMAP).empty()) GTEST_SKIP() << "colmap is not installed";

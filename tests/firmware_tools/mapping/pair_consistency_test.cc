@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace viewfix {
@@ -72,6 +73,32 @@ TEST(KeepConsistentPairs, DropsALonePairOfFramesFarApart) {
   Graph graph = Walk();
   graph.Add(2, 36, 200);
   EXPECT_THAT(graph.Kept(), Not(Contains(FramePair{2, 36})));
+}
+
+// Few matches give a poor rotation; that they lead back to themselves is evidence of its own.
+TEST(KeepConsistentPairs, KeepsUnsureRotationsWhoseKeyPointsReturn) {
+  Graph graph = Walk();
+  const auto add = [&](int a, int b, int first_key_point) {
+    graph.Add(a, b, 0, 0.5);
+    for (int m = 0; m < 20; ++m) {
+      graph.pairs.back().matches.push_back({first_key_point + m, first_key_point + m, 0});
+    }
+  };
+  // The key points of Walk()'s pairs 2-3 and 36-37.
+  const auto of_pair = [&](int a, int b) {
+    const auto same = [&](const VerifiedPair& pair) { return pair.frames == FramePair{a, b}; };
+    return std::find_if(graph.pairs.begin(), graph.pairs.end(), same)->matches.front().first_idx;
+  };
+  add(2, 36, of_pair(2, 3));
+  add(3, 36, of_pair(2, 3));
+  EXPECT_THAT(graph.Kept(), Not(Contains(FramePair{2, 36})));  // one loop is not enough
+  add(2, 37, of_pair(36, 37));
+  graph.pairs.back().matches = graph.pairs[graph.pairs.size() - 3].matches;
+  for (VerifiedPair& pair : graph.pairs) {
+    if (pair.frames != FramePair{36, 37}) continue;
+    pair.matches = graph.pairs.back().matches;
+  }
+  EXPECT_THAT(graph.Kept(), Contains(FramePair{2, 36}));
 }
 
 }  // namespace

@@ -50,5 +50,33 @@ TEST(SelectPairs, LeavesOutWhatPosesRuleOut) {
   EXPECT_THAT(SelectPairs(input, similarity, options), ElementsAre(FramePair{0, 1}));
 }
 
+TEST(PairsBeside, LooksAroundWhatWasFoundAgain) {
+  const MapInput input = Frames({"a", "a", "a", "a", "b", "b", "b"});
+  const std::vector<FramePair> tried = {{0, 1}, {0, 4}, {1, 2}, {1, 5}, {2, 3}, {4, 5}, {5, 6}};
+  const std::vector<VerifiedPair> verified = {{{0, 1}, {}, {}, 0}, {{1, 5}, {}, {}, 0}};
+  const PairOptions options{.window = 1, .reach = 1};
+  EXPECT_THAT(PairsBeside(input, verified, tried, options), testing::SizeIs(3));  // half of 7
+  const std::vector<FramePair> more(20, FramePair{0, 4});
+  EXPECT_THAT(PairsBeside(input, verified, more, options),
+              ElementsAre(FramePair{0, 5}, FramePair{0, 6}, FramePair{1, 4}, FramePair{1, 5},
+                          FramePair{1, 6}, FramePair{2, 4}, FramePair{2, 5}, FramePair{2, 6}));
+}
+
+TEST(PairsBeside, PairsInOrderBringNothingNew) {
+  const MapInput input = Frames({"a", "a", "a", "a"});
+  const std::vector<VerifiedPair> verified = {{{0, 1}, {}, {}, 0}};
+  const std::vector<FramePair> tried(20, FramePair{0, 1});
+  EXPECT_THAT(PairsBeside(input, verified, tried, {.window = 1, .reach = 1}), IsEmpty());
+}
+
+TEST(PairsBeside, MostMatchesFirst) {
+  const MapInput input = Frames({"a", "b", "b", "c", "c"});
+  const std::vector<VerifiedPair> verified = {{{0, 1}, std::vector<FeatureMatch>(10), {}, 0},
+                                              {{0, 3}, std::vector<FeatureMatch>(20), {}, 0}};
+  const std::vector<FramePair> tried = {{0, 1}, {0, 3}};
+  EXPECT_THAT(PairsBeside(input, verified, tried, {.window = 1, .reach = 1}),
+              ElementsAre(FramePair{0, 4}));
+}
+
 }  // namespace
 }  // namespace viewfix
