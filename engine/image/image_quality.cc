@@ -67,8 +67,9 @@ void AddEdges(const Line& line, int length, Edges& edges) {
     sum += line[i + kReach + 1] - line[i + 1] - line[i] + line[i - kReach];
     const int after = std::abs(sum);
     if (far >= kLeastFar && far >= before && far > after) {
-      const int near = std::max({std::abs(line[i] - line[i - 2]), std::abs(line[i + 1] - line[i - 1]),
-                                 std::abs(line[i + 2] - line[i])});
+      const int near =
+          std::max({std::abs(line[i] - line[i - 2]), std::abs(line[i + 1] - line[i - 1]),
+                    std::abs(line[i + 2] - line[i])});
       edges.Add(near, far);
     }
     before = far;
@@ -82,9 +83,9 @@ struct RatioOfBlur {
   double blur_px;
 };
 constexpr RatioOfBlur kRatioOfBlur[] = {
-    {0.9992, 0.3}, {0.96, 0.5},   {0.8375, 0.75}, {0.7154, 1}, {0.6189, 1.25},
-    {0.5456, 1.5}, {0.4459, 2},   {0.3838, 2.5},  {0.3431, 3}, {0.2958, 4},
-    {0.2711, 5},   {0.2568, 6},   {0.242, 8},     {0.2311, 12}, {0.2255, 20}};
+    {0.9992, 0.3}, {0.96, 0.5}, {0.8375, 0.75}, {0.7154, 1},  {0.6189, 1.25},
+    {0.5456, 1.5}, {0.4459, 2}, {0.3838, 2.5},  {0.3431, 3},  {0.2958, 4},
+    {0.2711, 5},   {0.2568, 6}, {0.242, 8},     {0.2311, 12}, {0.2255, 20}};
 
 double BlurOfRatio(double ratio) {
   if (ratio >= kRatioOfBlur[0].ratio) return kRatioOfBlur[0].blur_px;
@@ -143,9 +144,7 @@ std::optional<double> Blur(const ImageView& image) {
 
 bool ImageQuality::blurred() const { return blur_px && *blur_px > kBlurredPx; }
 bool ImageQuality::dark() const { return dark_share > kDarkShare || mean < kDarkMean; }
-bool ImageQuality::overexposed() const {
-  return bright_share > kBrightShare || mean > kBrightMean;
-}
+bool ImageQuality::overexposed() const { return bright_share > kBrightShare || mean > kBrightMean; }
 
 ImageQuality MeasureQuality(const ImageView& image) {
   ImageQuality quality;
