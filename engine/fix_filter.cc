@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "engine/location_name.h"
+#include "engine/base/location_name.h"
 
 namespace viewfix {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "engine/base/status.h"
 #include "engine/localizer.h"
+#include "engine/pose/motion_model.h"
 #include "models/model_view.h"
 
 namespace viewfix {
@@ -40,7 +41,7 @@ struct FixFilterOptions {
 class FixFilter {
  public:
   // So many frames later nothing is known any more.
-  static constexpr std::uint64_t kMaxGap = 10;
+  static constexpr std::uint64_t kMaxGap = MotionModel::kMaxGap;
 
   // `model` is borrowed and must outlive the filter; `options` are valid.
   explicit FixFilter(const ModelView& model, const FixFilterOptions& options = {});

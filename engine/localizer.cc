@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "engine/base/exp.h"
+#include "engine/base/location_name.h"
 #include "engine/image/image_quality.h"
 #include "engine/image/resize.h"
-#include "engine/location_name.h"
 #include "engine/pose/model_geometry.h"
 #include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
@@ -55,6 +55,7 @@ constexpr int kPromisingOfPair = 4;
 
 // A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
 constexpr float kAmbiguousShare = 0.9F;
+static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -384,7 +385,7 @@ void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequen
 }
 
 // Several places agree with the frame about as well: no more is said than the parts of the name
-// that they share, all of it if they are of one location. Neither is a view or a pose.
+// that they share, all of it if they are of one location; and neither a view nor a pose.
 void Localizer::State::SayWhatRivalsShare(const FoundPose& found, Fix& fix) const {
   const std::string_view name = model.location_name(fix.location_idx);
   fix.level = LevelsOf(name);

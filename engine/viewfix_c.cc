@@ -14,8 +14,8 @@
 #include <utility>
 #include <vector>
 
+#include "engine/base/location_name.h"
 #include "engine/localizer.h"
-#include "engine/location_name.h"
 #include "engine/viewfix.h"
 #include "models/model_view.h"
 

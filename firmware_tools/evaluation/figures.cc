@@ -5,7 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "engine/location_name.h"
+#include "engine/base/location_name.h"
 #include "firmware_tools/evaluation/evaluate.h"
 #include "firmware_tools/evaluation/metrics.h"
 

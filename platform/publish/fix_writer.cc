@@ -5,7 +5,7 @@
 #include <array>
 #include <chrono>
 
-#include "engine/location_name.h"
+#include "engine/base/location_name.h"
 
 namespace viewfix {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "engine/location_name.h"
+#include "engine/base/location_name.h"
 
 #include <gtest/gtest.h>
 
