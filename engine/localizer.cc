@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "engine/base/exp.h"
+#include "engine/base/location_name.h"
+#include "engine/image/image_quality.h"
 #include "engine/image/resize.h"
 #include "engine/pose/model_geometry.h"
 #include "engine/pose/window_adjuster.h"
@@ -53,6 +55,7 @@ constexpr int kPromisingOfPair = 4;
 
 // A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
 constexpr float kAmbiguousShare = 0.9F;
+static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -111,6 +114,13 @@ Result<std::optional<WindowAdjuster>> MakeWindow(const ModelView& model,
   return std::optional<WindowAdjuster>(std::move(*created));
 }
 
+// What the image itself has against being recognized.
+std::uint32_t ImageReasons(const ImageView& image) {
+  const ImageQuality quality = MeasureQuality(image);
+  return (quality.blurred() ? kBlurred : 0U) | (quality.dark() ? kDark : 0U) |
+         (quality.overexposed() ? kOverexposed : 0U);
+}
+
 }  // namespace
 
 const char* ReasonName(Reason reason) {
@@ -123,6 +133,12 @@ const char* ReasonName(Reason reason) {
       return "ambiguous";
     case kLowInliers:
       return "low_inliers";
+    case kBlurred:
+      return "blurred";
+    case kDark:
+      return "dark";
+    case kOverexposed:
+      return "overexposed";
   }
   return "";
 }
@@ -163,13 +179,16 @@ struct Localizer::State {
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
   void Decide(Fix& fix) const;
+  float ConfidenceOf(float margin) const;
+  std::optional<float> MarginAtLevel(const Fix& fix, int level) const;
+  bool DecideAtLevel(Fix& fix) const;
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
   void FindPose(const Prior& prior, Fix& fix);
   void TakePose(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
-  void RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const;
+  void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
   void ClearScores();
 
@@ -253,12 +272,43 @@ void Localizer::State::FindRivals(Fix& fix) const {
   }
 }
 
-void Localizer::State::Decide(Fix& fix) const {
+float Localizer::State::ConfidenceOf(float margin) const {
   const ModelConfidence& curve = model.confidence();
-  fix.confidence = static_cast<float>(
-      1.0 / (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * fix.margin))));
-  fix.localized = fix.confidence >= curve.threshold;
-  if (!fix.localized) fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
+  return static_cast<float>(1.0 /
+                            (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * margin))));
+}
+
+// The best guess's score less that of the best location that differs from it in the first `level`
+// parts of its name; none if all begin with them, for then they say nothing.
+std::optional<float> Localizer::State::MarginAtLevel(const Fix& fix, int level) const {
+  const std::string_view said = UpToLevel(model.location_name(fix.location_idx), level);
+  std::optional<float> best_other;
+  for (int l = 0; l < static_cast<int>(location_scores.size()); ++l) {
+    if (UpToLevel(model.location_name(l), level) == said) continue;
+    best_other = std::max(best_other.value_or(location_scores[l]), location_scores[l]);
+  }
+  if (!best_other) return std::nullopt;
+  return location_scores[fix.location_idx] - *best_other;
+}
+
+// Where areas of one floor look alike, but like those of no other floor, the floor is answered.
+bool Localizer::State::DecideAtLevel(Fix& fix) const {
+  for (int level = LevelsOf(model.location_name(fix.location_idx)) - 1; level > 0; --level) {
+    const std::optional<float> margin = MarginAtLevel(fix, level);
+    if (!margin || !(ConfidenceOf(*margin) >= model.confidence().threshold)) continue;
+    fix.level = level;
+    fix.confidence = ConfidenceOf(*margin);
+    return true;
+  }
+  return false;
+}
+
+void Localizer::State::Decide(Fix& fix) const {
+  fix.confidence = ConfidenceOf(fix.margin);
+  fix.localized = fix.confidence >= model.confidence().threshold;
+  if (fix.localized) return;
+  fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
+  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(fix);
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
@@ -303,6 +353,7 @@ void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
 
 void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.localized = true;
+  fix.level = 0;
   fix.has_pose = true;
   fix.map_idx = found.map_idx;
   fix.world_from_cam = Inverse(found.pose.cam_from_world);
@@ -310,7 +361,7 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.num_inliers = found.num_inliers;
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
-  fix.rival_evidence = found.rival_evidence;
+  fix.rival_evidence = found.rivals[0].evidence;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
@@ -333,20 +384,28 @@ void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequen
   fix.covariance = excess * excess * adjusted.covariance;
 }
 
-// Two places agree with the frame about as well: neither is said.
-void Localizer::State::RefuseAsAmbiguous(const FoundPose& found, Fix& fix) const {
-  fix.localized = false;
+// Several places agree with the frame about as well: no more is said than the parts of the name
+// that they share, all of it if they are of one location; and neither a view nor a pose.
+void Localizer::State::SayWhatRivalsShare(const FoundPose& found, Fix& fix) const {
+  const std::string_view name = model.location_name(fix.location_idx);
+  fix.level = LevelsOf(name);
+  fix.num_rivals = 0;
+  for (const PoseRival& rival : found.rivals) {
+    if (!(rival.evidence > kAmbiguousShare * found.evidence)) break;
+    const int location = model.scoring().pair_location[model.keyframes().pair[rival.keyframe_idx]];
+    const std::span<const int> named(fix.rivals, fix.num_rivals);
+    if (location == fix.location_idx) continue;
+    if (std::find(named.begin(), named.end(), location) != named.end()) continue;
+    fix.rivals[fix.num_rivals++] = location;
+    fix.level = std::min(fix.level, CommonLevels(name, model.location_name(location)));
+  }
+  fix.localized = fix.level > 0;
   fix.has_pose = false;
   fix.map_idx = -1;
   fix.world_from_cam = {};
   fix.covariance.setZero();
   fix.reasons |= kAmbiguous;
-  fix.confidence = std::min(fix.confidence, 0.5F);
-  const int rival = model.scoring().pair_location[model.keyframes().pair[found.rival_keyframe_idx]];
-  if (rival != fix.location_idx) {
-    fix.num_rivals = 1;
-    fix.rivals[0] = rival;
-  }
+  if (!fix.localized) fix.confidence = std::min(fix.confidence, 0.5F);
 }
 
 // Whether the frame was found where it was expected.
@@ -371,8 +430,8 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
     fix.reasons = 0;
     fix.score = pair_scores[fix.pair_idx];
     FindRivals(fix);  // of the place that the landmarks name
-    if (found.rival_evidence > kAmbiguousShare * found.evidence) {
-      RefuseAsAmbiguous(found, fix);
+    if (found.rivals[0].evidence > kAmbiguousShare * found.evidence) {
+      SayWhatRivalsShare(found, fix);
     } else {
       AdjustWindow(found, prior.sequence, fix);
     }
@@ -386,6 +445,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
       fix.keyframe_idx >= 0 && begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
   if (!has_landmarks) return;
   fix.localized = false;
+  fix.level = 0;
   fix.reasons |= kLowInliers;
   const auto inliers = static_cast<float>(found.num_inliers);
   fix.confidence = std::min(fix.confidence, inliers / (inliers + kDoubtfulInliers));
@@ -456,6 +516,7 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
       fix.ms.pose += Milliseconds(s.Now() - now);
     }
   }
+  if (!fix.localized) fix.reasons |= ImageReasons(small);
   fix.ms.total = Milliseconds(s.Now() - start);
   return fix;
 }

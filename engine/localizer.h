@@ -26,10 +26,15 @@ enum Reason : std::uint32_t {
   kUnknownPlace = 1U << 1,
   kAmbiguous = 1U << 2,
   kLowInliers = 1U << 3,
+  // Of the image (image/image_quality.h): what may have kept the frame from being localized.
+  kBlurred = 1U << 4,
+  kDark = 1U << 5,
+  kOverexposed = 1U << 6,
 };
 // "too_few_features", ...: the names used in JSON.
 const char* ReasonName(Reason reason);
-inline constexpr Reason kAllReasons[] = {kTooFewFeatures, kUnknownPlace, kAmbiguous, kLowInliers};
+inline constexpr Reason kAllReasons[] = {kTooFewFeatures, kBlurred,   kDark,      kOverexposed,
+                                         kUnknownPlace,   kAmbiguous, kLowInliers};
 
 // Milliseconds by stage; zero when the options carry no clock.
 struct StageTimes {
@@ -45,11 +50,14 @@ struct Fix {
 
   bool localized = false;
   std::uint32_t reasons = 0;  // bits of Reason
+  // 0: the answer is whole. Else it is as much as the first so many parts of the location's name
+  // ("floor10" of "floor10/lobby"), with neither view, keyframe nor pose: the rest is a guess.
+  int level = 0;
   // Best guess, also when not localized; -1: none. Indices into the model's tables.
   int location_idx = -1;
   int pair_idx = -1;      // (location, view)
   int keyframe_idx = -1;  // nearest by histogram inside the pair
-  float confidence = 0;   // 0..1, probability that the location is right
+  float confidence = 0;   // 0..1, probability that the location, as far as answered, is right
   // Where the camera stands; only if this very frame was localized against landmarks.
   bool has_pose = false;
   bool tracked = false;  // found where Prior said; such a frame is not scored
@@ -70,6 +78,12 @@ struct Fix {
   int rivals[kMaxRivals] = {};
   int num_features = 0;
   StageTimes ms = {};
+
+  // Whether the best guess is not said itself, and stands before the rivals as one of the places
+  // that the frame may show.
+  bool GuessIsRival() const {
+    return (reasons & kAmbiguous) != 0 && num_rivals > 0 && (!localized || level != 0);
+  }
 };
 
 struct LocalizerOptions {

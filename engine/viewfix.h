@@ -33,7 +33,10 @@ enum {
   VIEWFIX_TOO_FEW_FEATURES = 1 << 0,
   VIEWFIX_UNKNOWN_PLACE = 1 << 1,
   VIEWFIX_AMBIGUOUS = 1 << 2,
-  VIEWFIX_LOW_INLIERS = 1 << 3
+  VIEWFIX_LOW_INLIERS = 1 << 3,
+  VIEWFIX_BLURRED = 1 << 4,    /* of the image: what may have kept it from being localized */
+  VIEWFIX_DARK = 1 << 5,
+  VIEWFIX_OVEREXPOSED = 1 << 6
 };
 
 /* An opened model and the memory to localize with it. */
@@ -46,7 +49,7 @@ typedef struct viewfix_fix {
   uint32_t reasons;          /* bits, see above */
   const char* location;      /* UTF-8, parts between slashes; null unless localized. Lives as
                                 long as the localizer */
-  const char* view;          /* the same */
+  const char* view;          /* the same; null also where `level` is less than the name's parts */
   float confidence;          /* 0..1, probability that the location is right */
   float score;               /* of the best (location, view), eq. (5) of the method */
   float margin;              /* best location's score less the best other location's */
@@ -59,6 +62,11 @@ typedef struct viewfix_fix {
   double pose[7];      /* as keyframe_pose */
   float covariance[21]; /* upper triangle, row by row, of [t; left rotation vector, radians] */
   int32_t inliers;     /* landmarks that agree with the pose */
+  int32_t level;       /* parts of the location's name that are certain and said: 1 of "floor10"
+                          where "floor10/lobby" and "floor10/lift" look alike; 0: not localized */
+  int32_t num_rivals;  /* locations that it may be as well, best first; where it is ambiguous,
+                          the best guess of all is the first */
+  const char* rivals[5];
 } viewfix_fix;
 
 /* "0.1.0" */

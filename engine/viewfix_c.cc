@@ -3,14 +3,18 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <new>
+#include <set>
 #include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
 
+#include "engine/base/location_name.h"
 #include "engine/localizer.h"
 #include "engine/viewfix.h"
 #include "models/model_view.h"
@@ -19,19 +23,28 @@ static_assert(std::uint32_t{VIEWFIX_TOO_FEW_FEATURES} == std::uint32_t{viewfix::
 static_assert(std::uint32_t{VIEWFIX_UNKNOWN_PLACE} == std::uint32_t{viewfix::kUnknownPlace});
 static_assert(std::uint32_t{VIEWFIX_AMBIGUOUS} == std::uint32_t{viewfix::kAmbiguous});
 static_assert(std::uint32_t{VIEWFIX_LOW_INLIERS} == std::uint32_t{viewfix::kLowInliers});
+static_assert(std::uint32_t{VIEWFIX_BLURRED} == std::uint32_t{viewfix::kBlurred});
+static_assert(std::uint32_t{VIEWFIX_DARK} == std::uint32_t{viewfix::kDark});
+static_assert(std::uint32_t{VIEWFIX_OVEREXPOSED} == std::uint32_t{viewfix::kOverexposed});
+static_assert(std::size(viewfix_fix{}.rivals) == std::size_t{viewfix::Fix::kMaxRivals} + 1);
 
 struct viewfix_localizer {
   viewfix_localizer(const viewfix::ModelView& view, viewfix::Localizer made)
       : model(view), localizer(std::move(made)) {
     for (int i = 0; i < model.scoring().num_locations; ++i) {
-      locations.emplace_back(model.location_name(i));
+      const std::string_view name = model.location_name(i);
+      for (int level = 1; level <= viewfix::LevelsOf(name); ++level) {
+        const std::string_view part = viewfix::UpToLevel(name, level);
+        if (locations.find(part) == locations.end()) locations.emplace(part);
+      }
     }
     for (int i = 0; i < model.scoring().num_views; ++i) views.emplace_back(model.view_name(i));
   }
 
   viewfix::ModelView model;
   viewfix::Localizer localizer;
-  std::vector<std::string> locations;  // with an end mark, as C wants them
+  // Up to each of its levels, with an end mark, as C wants them.
+  std::set<std::string, std::less<>> locations;
   std::vector<std::string> views;
 };
 
@@ -97,9 +110,24 @@ void FillPose(const Fix& fix, viewfix_fix& out) {
   }
 }
 
+const char* NameOf(const viewfix_localizer& from, std::string_view location) {
+  return from.locations.find(location)->c_str();
+}
+
+void FillRivals(const viewfix_localizer& from, const Fix& fix, viewfix_fix& out) {
+  const auto add = [&](int location_idx) {
+    out.rivals[out.num_rivals++] = NameOf(from, from.model.location_name(location_idx));
+  };
+  if (fix.GuessIsRival()) add(fix.location_idx);
+  for (int i = 0; i < fix.num_rivals; ++i) add(fix.rivals[i]);
+}
+
 void FillAnswer(const viewfix_localizer& from, const Fix& fix, viewfix_fix& out) {
   const ModelKeyframes& keyframes = from.model.keyframes();
-  out.location = from.locations[fix.location_idx].c_str();
+  const std::string_view name = from.model.location_name(fix.location_idx);
+  out.level = fix.level == 0 ? LevelsOf(name) : fix.level;
+  out.location = NameOf(from, UpToLevel(name, out.level));
+  if (fix.level != 0) return;
   out.view = from.views[from.model.scoring().pair_view[fix.pair_idx]].c_str();
   if (fix.has_pose) FillPose(fix, out);
   if (fix.keyframe_idx < 0) return;
@@ -118,6 +146,7 @@ viewfix_fix ToC(const viewfix_localizer& from, const Fix& fix) {
   out.margin = fix.margin;
   out.inliers = fix.num_inliers;
   out.keyframe_id = -1;
+  FillRivals(from, fix, out);
   if (fix.localized) FillAnswer(from, fix, out);
   return out;
 }

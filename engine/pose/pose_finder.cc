@@ -474,13 +474,13 @@ FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) co
                          (other.map_idx != better.map_idx ||
                           Unlike(Inverse(other.pose.cam_from_world),
                                  Inverse(better.pose.cam_from_world), PaceOf(better.map_idx)) > 1);
-  const auto take = [&](float evidence, int keyframe) {
-    if (evidence <= better.rival_evidence) return;
-    better.rival_evidence = evidence;
-    better.rival_keyframe_idx = keyframe;
+  const auto take = [&](PoseRival rival) {
+    for (PoseRival& place : better.rivals) {
+      if (rival.evidence > place.evidence) std::swap(rival, place);
+    }
   };
-  if (elsewhere) take(other.evidence, other.keyframe_idx);
-  take(other.rival_evidence, other.rival_keyframe_idx);
+  if (elsewhere) take({other.evidence, other.keyframe_idx});
+  for (const PoseRival& rival : other.rivals) take(rival);
   return better;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 
@@ -53,18 +54,24 @@ struct ProposedKeyframe {
   float promise = 0;
 };
 
+// What speaks for a pose elsewhere, of a look-alike place say.
+struct PoseRival {
+  float evidence = 0;
+  int keyframe_idx = -1;  // as FoundPose's
+};
+
 struct FoundPose {
+  static constexpr int kMaxRivals = 4;
+
   bool found = false;
   int map_idx = -1;
   int keyframe_idx = -1;  // the nearest of those that share most of the matched landmarks
   int num_inliers = 0;    // matches that agree with the pose
   float evidence = 0;     // the same, each weighed by its landmark's rarity, 0..1
   float expected = 0;     // evidence, if all landmarks that the pose puts into the image were seen
-  // Of the best pose elsewhere that was tried, of a look-alike place say.
-  float rival_evidence = 0;
-  int rival_keyframe_idx = -1;
-  RefinedPose pose;  // camera from the map's frame of reference
-  Camera camera;     // that it is the pose of: the focal length refined, if it was a guess
+  std::array<PoseRival, kMaxRivals> rivals;  // the best poses elsewhere that were tried, best first
+  RefinedPose pose;                          // camera from the map's frame of reference
+  Camera camera;  // that it is the pose of: the focal length refined, if it was a guess
 };
 
 // Where a camera stands among a model's landmarks: matches the frame's features with the

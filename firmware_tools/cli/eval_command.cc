@@ -21,6 +21,7 @@ struct EvalFlags {
   std::string unknown;
   std::string json;
   bool sequence = false;
+  bool filter = false;
   int window = 0;
 };
 
@@ -70,11 +71,21 @@ void PrintLatency(const nlohmann::ordered_json& ms) {
               ms["stages"]["features"]["p50"].get<double>());
 }
 
+void PrintAnswered(const nlohmann::ordered_json& f) {
+  const auto& refusal = f["refusal"];
+  std::printf("answered            %s, of these wrong %s\n", Percent(refusal["answered"]).c_str(),
+              Percent(refusal["wrong_of_answered"]).c_str());
+  if (refusal["answered_by_level"].size() > 1) {
+    std::printf("answered, by level  %s\n", Percents(refusal["answered_by_level"]).c_str());
+  }
+}
+
 void PrintSequence(const nlohmann::ordered_json& f) {
   std::printf("\nas a sequence       %s tracked from the frames before\n",
               Percent(f["tracked"]).c_str());
   std::printf("location, by level  %s\n", Percents(f["location"]["by_level"]).c_str());
   PrintPose(f["pose"]);
+  PrintAnswered(f);
   PrintLatency(f["latency_ms"]);
 }
 
@@ -93,9 +104,7 @@ void PrintFigures(const nlohmann::ordered_json& f) {
       Percent(retrieval["recall_at"]["5"]).c_str(), Percent(retrieval["recall_at"]["20"]).c_str());
   std::printf("keyframe <= 1 m/30  %s\n", Percent(retrieval["within_1m_30deg"]).c_str());
   PrintPose(f["pose"]);
-  std::printf("answered            %s, of these wrong %s\n",
-              Percent(f["refusal"]["answered"]).c_str(),
-              Percent(f["refusal"]["wrong_of_answered"]).c_str());
+  PrintAnswered(f);
   if (!f["unknown"].is_null()) {
     std::printf("unknown places      %s answered\n", Percent(f["unknown"]["localized"]).c_str());
   }
@@ -123,11 +132,15 @@ nlohmann::ordered_json Measure(const EvalFlags& flags, const ImageSet& set, cons
   if (!flags.sequence) return figures;
   options.sequence = true;
   options.window = flags.window;
+  options.filter = flags.filter;
   const Evaluation sequence = Evaluate(set, model, options, ShowProgress("as a sequence"));
-  return SequenceAsJson(set, sequence, figures);
+  auto of_sequence = SequenceAsJson(set, sequence, figures);
+  of_sequence["filter"] = flags.filter;
+  return of_sequence;
 }
 
-void RunEval(const EvalFlags& flags) {
+void RunEval(EvalFlags flags) {
+  flags.sequence = flags.sequence || flags.filter;
   if (!flags.json.empty()) CheckCanWrite(flags.json);
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
@@ -162,6 +175,9 @@ void AddEval(CLI::App& app) {
   command->add_flag("--sequence", flags->sequence,
                     "measure also as a moving camera: each frame is first looked for where the "
                     "frames of its capture before it lead");
+  command->add_flag("--filter", flags->filter,
+                    "as viewfixd does: frames that agree with those before them gain confidence, "
+                    "those that contradict them lose it; with it, --sequence is meant too");
   command
       ->add_option("--window", flags->window,
                    "with --sequence: poses adjusted together over so many frames, 3 to 8; 0: "

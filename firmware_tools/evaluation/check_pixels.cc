@@ -12,10 +12,6 @@
 namespace viewfix {
 namespace {
 
-// Seen on hand-held video at 640 pixels: beyond it a human calls every image blurred.
-constexpr double kBlurPx = 2.2;
-constexpr double kDarkShare = 0.6;
-constexpr double kBrightShare = 0.35;
 // Of a location's images: a few bad ones are only noted.
 constexpr double kManyShare = 0.2;
 
@@ -120,11 +116,11 @@ std::vector<Finding> CheckPixels(const ImageSet& set, const std::vector<ImagePix
            findings);
   };
   add({"blurred", "are blurred", "hold the camera still, move slowly, or add light"},
-      [](const ImageQuality& q) { return q.blur_px && *q.blur_px > kBlurPx; });
+      [](const ImageQuality& q) { return q.blurred(); });
   add({"dark", "are mostly black", "add light, or a longer exposure"},
-      [](const ImageQuality& q) { return q.dark_share > kDarkShare; });
+      [](const ImageQuality& q) { return q.dark(); });
   add({"overexposed", "are burnt out", "lower the exposure, or turn away from the window"},
-      [](const ImageQuality& q) { return q.bright_share > kBrightShare; });
+      [](const ImageQuality& q) { return q.overexposed(); });
   return findings;
 }
 

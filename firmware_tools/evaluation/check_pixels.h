@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "firmware_tools/dataset/image_quality.h"
+#include "engine/image/image_quality.h"
 #include "firmware_tools/evaluation/check_set.h"
 
 namespace viewfix {

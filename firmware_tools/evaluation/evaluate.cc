@@ -7,6 +7,7 @@
 #include <numbers>
 #include <numeric>
 
+#include "engine/fix_filter.h"
 #include "engine/pose/model_geometry.h"
 #include "engine/pose/motion_model.h"
 #include "engine/scoring/scoring.h"
@@ -194,7 +195,9 @@ class Evaluator {
         model_(model),
         world_from_map_(world_from_map),
         sequence_(options.sequence),
-        localizer_(MakeLocalizer(model, options.window)) {}
+        localizer_(MakeLocalizer(model, options.window)) {
+    if (options.filter) filter_.emplace(model);
+  }
 
   // Throws ToolError where the image cannot be read.
   FrameResult Run(int image_idx) {
@@ -233,13 +236,14 @@ class Evaluator {
       prior.cam_from_world = &prediction->cam_from_world;
       prior.map_idx = prediction->map_idx;
     }
-    const Result<Fix> fix = localizer_.Localize(pixels.view(), prior);
+    Result<Fix> fix = localizer_.Localize(pixels.view(), prior);
     if (!fix.ok()) throw ToolError(set_.FullPath(image).string() + ": " + fix.status().text());
     if (fix->has_pose) {
       motion_.Update(sequence_number_, fix->map_idx, fix->world_from_cam);
     } else {
       motion_.Lose();
     }
+    if (filter_) filter_->Apply(sequence_number_, *fix);
     return *fix;
   }
 
@@ -249,6 +253,7 @@ class Evaluator {
   bool sequence_;
   Localizer localizer_;
   MotionModel motion_;
+  std::optional<FixFilter> filter_;
   std::string capture_;
   std::uint64_t captures_before_ = 0;
   std::uint64_t sequence_number_ = 0;

@@ -17,7 +17,7 @@ namespace viewfix {
 struct FrameResult {
   int image_idx = 0;
   Fix fix;
-  std::string location;          // best guess; empty: none
+  std::string location;  // best guess; empty: none
   std::string view;
   int location_rank = 0;         // of the right location among all by score, from 1; 0: unknown
   std::string scored_location;   // best by eq. (5) alone, keyframes left out
@@ -35,7 +35,8 @@ struct EvaluateOptions {
   // As a moving camera: frames in the set's order, each capture a walk of its own, and each frame
   // first looked for where the frames before it lead.
   bool sequence = false;
-  int window = 0;  // of a sequence: LocalizerOptions::window
+  bool filter = false;  // of a sequence: agreement over its frames (engine/fix_filter.h)
+  int window = 0;       // of a sequence: LocalizerOptions::window
 };
 
 struct Evaluation {

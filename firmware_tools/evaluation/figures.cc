@@ -5,6 +5,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
+#include "engine/base/location_name.h"
 #include "firmware_tools/evaluation/evaluate.h"
 #include "firmware_tools/evaluation/metrics.h"
 
@@ -20,19 +21,6 @@ constexpr double kWrongDegrees = 10;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
-// "floor10/lobby" up to its first `level` parts.
-std::string UpToLevel(const std::string& name, int level) {
-  std::size_t end = 0;
-  for (int part = 0; part < level && end != std::string::npos; ++part) {
-    end = name.find('/', part == 0 ? 0 : end + 1);
-  }
-  return name.substr(0, end);
-}
-
-int Levels(const std::string& name) {
-  return 1 + static_cast<int>(std::count(name.begin(), name.end(), '/'));
-}
-
 Json Share(int hits, int of) { return of == 0 ? Json() : Json(static_cast<double>(hits) / of); }
 
 Json Ci95(int hits, int of) {
@@ -42,6 +30,14 @@ Json Ci95(int hits, int of) {
 
 Json OrNull(const std::optional<double>& value) {
   return value && std::isfinite(*value) ? Json(*value) : Json();
+}
+
+Json Reasons(const Fix& fix) {
+  Json names = Json::array();
+  for (const Reason reason : kAllReasons) {
+    if ((fix.reasons & reason) != 0) names.push_back(ReasonName(reason));
+  }
+  return names;
 }
 
 class Figures {
@@ -71,9 +67,18 @@ class Figures {
   bool HasView(const FrameResult& f) const {
     return evaluation_.model_has_view_labels && !Truth(f).view.empty();
   }
-  bool LocationRight(const FrameResult& f) const { return f.location == Truth(f).location; }
+  // As far as answered: of "floor10/lobby", the floor may be all that is said.
+  bool LocationRight(const FrameResult& f) const {
+    if (f.fix.level == 0) return f.location == Truth(f).location;
+    return UpToLevel(f.location, f.fix.level) == UpToLevel(Truth(f).location, f.fix.level);
+  }
+  int AnsweredLevels(const FrameResult& f) const {
+    if (!f.fix.localized) return 0;
+    return f.fix.level == 0 ? LevelsOf(f.location) : f.fix.level;
+  }
   bool Wrong(const FrameResult& f) const {
-    return (HasLocation(f) && !LocationRight(f)) || (HasView(f) && f.view != Truth(f).view) ||
+    return (HasLocation(f) && !LocationRight(f)) ||
+           (HasView(f) && f.fix.level == 0 && f.view != Truth(f).view) ||
            (f.translation_error &&
             (*f.translation_error > kWrongMetres || *f.rotation_error_deg > kWrongDegrees));
   }
@@ -94,7 +99,7 @@ class Figures {
 int Figures::MaxLevels() const {
   int levels = 0;
   for (const FrameResult& f : evaluation_.frames) {
-    if (HasLocation(f)) levels = std::max(levels, Levels(Truth(f).location));
+    if (HasLocation(f)) levels = std::max(levels, LevelsOf(Truth(f).location));
   }
   return levels;
 }
@@ -195,11 +200,36 @@ Json Figures::Refusal() const {
   const int answered = Count([](const FrameResult& f) { return f.fix.localized; });
   const int wrong = Count([&](const FrameResult& f) { return f.fix.localized && Wrong(f); });
   Json by_level = Json::array();
-  for (int level = 1; level <= MaxLevels(); ++level) by_level.push_back(Share(answered, size()));
+  for (int level = 1; level <= MaxLevels(); ++level) {
+    // A name of fewer parts than others have is whole at every level.
+    const int this_far = Count([&](const FrameResult& f) {
+      return f.fix.localized && (f.fix.level == 0 || AnsweredLevels(f) >= level);
+    });
+    by_level.push_back(Share(this_far, size()));
+  }
   return {{"answered", Share(answered, size())},
           {"answered_by_level", by_level},
           {"wrong_of_answered", Share(wrong, answered)},
           {"wrong_ci95", Ci95(wrong, answered)}};
+}
+
+Json ReliabilityPoints(std::span<const Judgement> judgements) {
+  Json points = Json::array();
+  for (const ReliabilityBin& bin : ReliabilityDiagram({judgements.begin(), judgements.end()})) {
+    points.push_back({{"confidence", bin.confidence},
+                      {"right", bin.right},
+                      {"right_ci95", Ci95(bin.hits, bin.count)},
+                      {"images", bin.count}});
+  }
+  return points;
+}
+
+Json RiskCoveragePoints(std::span<const Judgement> judgements) {
+  Json points = Json::array();
+  for (const RiskCoverage& at : RiskCoverageCurve({judgements.begin(), judgements.end()})) {
+    points.push_back({{"coverage", at.coverage}, {"risk", at.risk}, {"confidence", at.confidence}});
+  }
+  return points;
 }
 
 Json Figures::Confidence() const {
@@ -208,9 +238,14 @@ Json Figures::Confidence() const {
     if (HasLocation(f)) judgements.push_back({double{f.fix.confidence}, LocationRight(f)});
   }
   if (judgements.empty()) {
-    return {{"ece", nullptr},   {"ece_ci95", nullptr},
-            {"brier", nullptr}, {"brier_constant", nullptr},
-            {"auroc", nullptr}, {"risk_at_80_coverage", nullptr}};
+    return {{"ece", nullptr},
+            {"ece_ci95", nullptr},
+            {"brier", nullptr},
+            {"brier_constant", nullptr},
+            {"auroc", nullptr},
+            {"risk_at_80_coverage", nullptr},
+            {"reliability", Json::array()},
+            {"risk_coverage", Json::array()}};
   }
   const Interval ece = BootstrapCalibrationError(judgements);
   return {{"ece", ExpectedCalibrationError(judgements)},
@@ -218,7 +253,9 @@ Json Figures::Confidence() const {
           {"brier", BrierScore(judgements)},
           {"brier_constant", ConstantBrierScore(judgements)},
           {"auroc", OrNull(AreaUnderRoc(judgements))},
-          {"risk_at_80_coverage", RiskAtCoverage(judgements, 0.8)}};
+          {"risk_at_80_coverage", RiskAtCoverage(judgements, 0.8)},
+          {"reliability", ReliabilityPoints(judgements)},
+          {"risk_coverage", RiskCoveragePoints(judgements)}};
 }
 
 Json Figures::Times(float StageTimes::*stage) const {
@@ -243,6 +280,8 @@ Json Figures::PerFrame() const {
   for (const FrameResult& f : evaluation_.frames) {
     rows.push_back({{"path", Truth(f).path},
                     {"localized", f.fix.localized},
+                    {"level", AnsweredLevels(f)},
+                    {"reasons", Reasons(f.fix)},
                     {"location", f.location},
                     {"true_location", Truth(f).location},
                     {"location_rank", f.location_rank},

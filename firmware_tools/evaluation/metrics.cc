@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <utility>
 
 namespace viewfix {
 namespace {
@@ -42,20 +43,34 @@ Interval WilsonInterval(int hits, int trials) {
   return {std::max(0.0, centre - half), std::min(1.0, centre + half)};
 }
 
-double ExpectedCalibrationError(std::vector<Judgement> judgements, int bins) {
+std::vector<ReliabilityBin> ReliabilityDiagram(std::vector<Judgement> judgements, int bins) {
   SortByConfidence(judgements);
   const std::size_t n = judgements.size();
-  double error = 0;
+  std::vector<ReliabilityBin> diagram;
   for (int b = 0; b < bins; ++b) {
     const std::size_t begin = n * b / bins;
     const std::size_t end = n * (b + 1) / bins;
-    double difference = 0;
+    if (begin == end) continue;
+    ReliabilityBin bin;
     for (std::size_t i = begin; i < end; ++i) {
-      difference += (judgements[i].right ? 1.0 : 0.0) - judgements[i].confidence;
+      bin.confidence += judgements[i].confidence;
+      bin.hits += judgements[i].right ? 1 : 0;
     }
-    error += std::abs(difference);
+    bin.count = static_cast<int>(end - begin);
+    bin.confidence /= bin.count;
+    bin.right = static_cast<double>(bin.hits) / bin.count;
+    diagram.push_back(bin);
   }
-  return n == 0 ? 0 : error / static_cast<double>(n);
+  return diagram;
+}
+
+double ExpectedCalibrationError(std::vector<Judgement> judgements, int bins) {
+  const auto n = static_cast<double>(judgements.size());
+  double error = 0;
+  for (const ReliabilityBin& bin : ReliabilityDiagram(std::move(judgements), bins)) {
+    error += bin.count * std::abs(bin.right - bin.confidence);
+  }
+  return n == 0 ? 0 : error / n;
 }
 
 Interval BootstrapCalibrationError(std::span<const Judgement> judgements, int bins) {
@@ -102,6 +117,25 @@ std::optional<double> AreaUnderRoc(std::vector<Judgement> judgements) {
   const double wrong = static_cast<double>(judgements.size()) - right;
   if (right == 0 || wrong == 0) return std::nullopt;
   return (rank_sum - right * (right + 1) / 2) / (right * wrong);
+}
+
+std::vector<RiskCoverage> RiskCoverageCurve(std::vector<Judgement> judgements, int max_points) {
+  SortByConfidence(judgements);
+  const auto n = static_cast<double>(judgements.size());
+  std::vector<RiskCoverage> all;
+  int given = 0;
+  int wrong = 0;
+  for (auto j = judgements.rbegin(); j != judgements.rend(); ++j) {
+    ++given;
+    wrong += j->right ? 0 : 1;
+    const auto next = j + 1;
+    if (next != judgements.rend() && next->confidence == j->confidence) continue;
+    all.push_back({given / n, static_cast<double>(wrong) / given, j->confidence});
+  }
+  const std::size_t points = std::min<std::size_t>(all.size(), max_points);
+  std::vector<RiskCoverage> curve;
+  for (std::size_t i = 1; i <= points; ++i) curve.push_back(all[all.size() * i / points - 1]);
+  return curve;
 }
 
 double RiskAtCoverage(std::vector<Judgement> judgements, double coverage) {

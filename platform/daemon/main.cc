@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/fix_filter.h"
 #include "engine/localizer.h"
 #include "models/model_view.h"
 #include "platform/camera/calibration.h"
@@ -60,10 +61,11 @@ int Run(const DaemonOptions& options) {
 
   FixWriter writer(*model);
   const std::unique_ptr<Publisher> publisher = MakeStreamPublisher(STDOUT_FILENO);
+  FixFilter filter(*model);
   RunReport report;
   const Status status =
       RunLoop(**source, options.rotate_deg, options.calibration_path.empty() ? nullptr : &camera,
-              *localizer, writer, *publisher, g_stop, report);
+              *localizer, options.filter ? &filter : nullptr, writer, *publisher, g_stop, report);
   if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
   if (!status.ok() && g_stop == 0) return Fail(status);
   std::fprintf(stderr,

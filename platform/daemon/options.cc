@@ -10,7 +10,17 @@ namespace {
 
 constexpr std::string_view kReplay = "replay:";
 
-enum Flag : int { kModel = 1, kCamera, kPublish, kCalibration, kRotate, kWindow, kHelp, kVersion };
+enum Flag : int {
+  kModel = 1,
+  kCamera,
+  kPublish,
+  kCalibration,
+  kRotate,
+  kWindow,
+  kFilter,
+  kHelp,
+  kVersion
+};
 
 constexpr option kFlags[] = {
     {"model", required_argument, nullptr, kModel},
@@ -19,6 +29,7 @@ constexpr option kFlags[] = {
     {"calibration", required_argument, nullptr, kCalibration},
     {"rotate", required_argument, nullptr, kRotate},
     {"window", required_argument, nullptr, kWindow},
+    {"filter", required_argument, nullptr, kFilter},
     {"help", no_argument, nullptr, kHelp},
     {"version", no_argument, nullptr, kVersion},
     {},
@@ -68,6 +79,9 @@ std::string Take(int flag, const std::string& value, DaemonOptions& options) {
     case kWindow:
       options.window = WindowOf(value);
       return options.window >= 0 ? "" : "--window " + value + ": not 0 or 3 to 8";
+    case kFilter:
+      options.filter = value != "off";
+      return value == "on" || value == "off" ? "" : "--filter " + value + ": not on or off";
     case kHelp:
       options.action = DaemonOptions::Action::kHelp;
       return {};
@@ -101,7 +115,7 @@ const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame on stdout.
 
   viewfixd --model FILE --camera replay:DIR [--calibration FILE] [--publish stdout]
-           [--rotate DEG] [--window N]
+           [--rotate DEG] [--window N] [--filter on|off]
 
   --model FILE         the model that `viewfix train` made
   --camera replay:DIR  the *.jpg of a folder in name order, or, where the folder holds
@@ -112,6 +126,9 @@ const char* DaemonHelp() {
   --rotate DEG         turn frames clockwise first: 0, 90, 180 or 270
   --window N           adjust the poses of the last N frames together, 3 to 8, for a camera that
                        moves steadily in a map in metres; 0: each frame alone (the default)
+  --filter on|off      on (the default): frames that agree with those before them gain confidence,
+                       those that contradict them lose it, and their answer where it becomes too
+                       small; off: each frame is judged alone
   --help, --version    print and end
 
 Exit codes: 0 done; 1 failed, with one line on stderr; 2 wrong usage.

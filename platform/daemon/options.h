@@ -14,6 +14,7 @@ struct DaemonOptions {
   std::string model_path;
   std::string replay_folder;
   std::string calibration_path;  // empty: the model's camera
+  bool filter = true;            // agreement over frames (engine/fix_filter.h)
   int window = 0;                // frames adjusted together: 0, 3..8
   int rotate_deg = 0;            // clockwise, before localizing: 0, 90, 180, 270
 };

@@ -51,8 +51,8 @@ void PrintFault(const Status& status) {
 }
 
 Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Localizer& localizer,
-               FixWriter& writer, Publisher& publisher, const volatile std::sig_atomic_t& stop,
-               RunReport& report) {
+               FixFilter* filter, FixWriter& writer, Publisher& publisher,
+               const volatile std::sig_atomic_t& stop, RunReport& report) {
   MotionModel motion;
   Frame frame;
   GreyImage turned;
@@ -79,18 +79,20 @@ Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Locali
       prior.cam_from_world = &prediction->cam_from_world;
       prior.map_idx = prediction->map_idx;
     }
-    const Result<Fix> fix = localizer.Localize(frame.image.view(), prior);
+    Result<Fix> fix = localizer.Localize(frame.image.view(), prior);
     if (!fix.ok()) {
       pass_over(AboutFrame(frame, camera, fix.status()));
       continue;
     }
-    ++report.frames;
-    if (fix->localized) ++report.localized;
+    // What this frame says alone is where the next is looked for, believed or not.
     if (fix->has_pose) {
       motion.Update(frame.sequence, fix->map_idx, fix->world_from_cam);
     } else {
       motion.Lose();
     }
+    if (filter != nullptr) filter->Apply(frame.sequence, *fix);
+    ++report.frames;
+    if (fix->localized) ++report.localized;
     const Status published = publisher.Publish(writer.Write(TimesOf(frame), *fix));
     if (!published.ok()) return published;
   }

@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstdint>
 
+#include "engine/fix_filter.h"
 #include "engine/localizer.h"
 #include "platform/camera/frame_source.h"
 #include "platform/publish/fix_writer.h"
@@ -22,10 +23,10 @@ struct RunReport {
 // stderr and passed over: others of a replay may do. Returns why publishing is impossible
 // (kCancelled: the reader of the output is gone), else ok.
 // `camera`: of the frames once upright; null: the model's own. A frame is first looked for where
-// the frames before it lead.
+// the frames before it lead. `filter`: null: each frame is judged alone.
 Status RunLoop(FrameSource& source, int rotate_deg, const Camera* camera, Localizer& localizer,
-               FixWriter& writer, Publisher& publisher, const volatile std::sig_atomic_t& stop,
-               RunReport& report);
+               FixFilter* filter, FixWriter& writer, Publisher& publisher,
+               const volatile std::sig_atomic_t& stop, RunReport& report);
 
 // "text: detail" on stderr, after the program's name: one line.
 void PrintFault(const Status& status);

@@ -5,13 +5,15 @@
 #include <array>
 #include <chrono>
 
+#include "engine/base/location_name.h"
+
 namespace viewfix {
 namespace {
 
 // Names of at most 255 bytes (models/viewfix.fbs), each of which can become "\u00XX"; the
 // other parts of a line are numbers and fixed words.
 constexpr std::size_t kMaxNameBytes = 255;
-constexpr std::size_t kMaxNames = 2 + Fix::kMaxRivals;  // location, view, rivals
+constexpr std::size_t kMaxNames = 2 + Fix::kMaxRivals;  // location, view or guess, rivals
 constexpr std::size_t kMaxRestBytes = 2048;
 static_assert(kMaxNames * (6 * kMaxNameBytes + 3) + kMaxRestBytes <= JsonLine::kCapacity);
 
@@ -84,12 +86,17 @@ void FixWriter::Times(const FrameTimes& times) {
 void FixWriter::Answer(const Fix& fix) {
   if (fix.localized) {
     const std::string_view name = model_.location_name(fix.location_idx);
+    const int level = fix.level == 0 ? LevelsOf(name) : fix.level;
     line_.Raw(",\"state\":\"localized\",\"location\":");
-    line_.String(name);
+    line_.String(UpToLevel(name, level));
     line_.Raw(",\"level\":");
-    line_.Integer(1 + std::count(name.begin(), name.end(), '/'));
+    line_.Integer(level);
     line_.Raw(",\"view\":");
-    line_.String(model_.view_name(model_.scoring().pair_view[fix.pair_idx]));
+    if (fix.level == 0) {
+      line_.String(model_.view_name(model_.scoring().pair_view[fix.pair_idx]));
+    } else {
+      line_.Raw("null");
+    }
   } else {
     line_.Raw(",\"state\":\"not_localized\",\"location\":null,\"level\":0,\"view\":null");
   }
@@ -103,16 +110,20 @@ void FixWriter::Answer(const Fix& fix) {
 
 void FixWriter::Rivals(const Fix& fix) {
   line_.Raw(",\"rivals\":[");
-  for (int i = 0; i < fix.num_rivals; ++i) {
-    if (i > 0) line_.Raw(",");
-    line_.String(model_.location_name(fix.rivals[i]));
-  }
+  const char* separator = "";
+  const auto name = [&](int location_idx) {
+    line_.Raw(separator);
+    line_.String(model_.location_name(location_idx));
+    separator = ",";
+  };
+  if (fix.GuessIsRival()) name(fix.location_idx);
+  for (int i = 0; i < fix.num_rivals; ++i) name(fix.rivals[i]);
   line_.Raw("]");
 }
 
 void FixWriter::Keyframe(const Fix& fix) {
   line_.Raw(",\"keyframe\":");
-  if (!fix.localized || fix.keyframe_idx < 0) return line_.Raw("null");
+  if (!fix.localized || fix.level != 0 || fix.keyframe_idx < 0) return line_.Raw("null");
   line_.Raw("{\"id\":");
   line_.Integer(fix.keyframe_idx);
   line_.Raw(",\"pose\":");

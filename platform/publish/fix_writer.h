@@ -21,9 +21,11 @@ struct FrameTimes {
 
 // Writes fixes as JSON lines: one object a frame, always the same keys in the same order.
 //   location, view, keyframe  null unless localized; "level" counts the answered parts of
-//                             the location's slash-separated name
+//                             the location's slash-separated name; with less than the whole
+//                             of it, view and keyframe are null
 //   rivals                    other locations close to the best, best first, also when not
-//                             localized
+//                             localized; when ambiguous, the best stands before them unless
+//                             `location` says it
 //   pose                      null unless this very frame was localized against landmarks
 // Equal fixes give equal text on every processor. No heap. One instance serves one thread.
 class FixWriter {

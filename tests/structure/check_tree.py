@@ -56,7 +56,7 @@ RULES = (
     Part('model reader', r'models/', own=r'engine/base/|models/(?!model_writer)',
          external=r'flatbuffers/|sodium\.h$|std\w+\.h$'),
     Part('platform', r'platform/',
-         own=r'platform/|models/(?!model_writer)|engine/(localizer\.h|viewfix\.h|base/|image/|geometry/|pose/motion_model\.h$)',
+         own=r'platform/|models/(?!model_writer)|engine/(localizer\.h|fix_filter\.h|viewfix\.h|base/|image/|geometry/|pose/motion_model\.h$)',
          banned=LAPTOP_HEADERS),
     Part('firmware_tools', r'firmware_tools/', own=r'engine/|models/|platform/|firmware_tools/'),
 )

@@ -63,6 +63,41 @@ TEST_F(CApiTest, AgreesWithTheEngine) {
     EXPECT_EQ(fix.keyframe_has_pose, model.keyframes().has_pose[expected.keyframe_idx]);
     EXPECT_EQ(fix.keyframe_pose[1], model.keyframes().pose[expected.keyframe_idx * 7 + 1]);
     EXPECT_EQ(fix.pose_valid, 0);
+    EXPECT_EQ(fix.level, 2);
+    ASSERT_EQ(fix.num_rivals, expected.num_rivals);
+    for (int i = 0; i < fix.num_rivals; ++i) {
+      EXPECT_EQ(fix.rivals[i], model.location_name(expected.rivals[i]));
+    }
+  }
+}
+
+// Two areas that score alike on one floor, and a far worse one on another.
+TEST(CApiLevelTest, AFloorMayBeAllThatIsSaid) {
+  ModelData data = TinyModelData();
+  data.locations = {"floor1/hall", "floor1/lobby", "floor2/lift", "floor2/stair"};
+  data.pair_location = {0, 1, 2, 3};
+  data.pair_view = {0, 0, 0, 0};
+  data.views = {"left"};
+  data.bias = {1, 1, -2, -2};
+  data.weight_scale.assign(4, 1e-6F);
+  data.confidence = {.offset = -1, .slope = 2, .threshold = 0.5F};
+  const auto bytes = *WriteModel(data);
+  viewfix_localizer* opened = nullptr;
+  ASSERT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, nullptr, 0), VIEWFIX_OK);
+  const std::unique_ptr<viewfix_localizer, Freer> localizer(opened);
+  const std::vector<std::uint8_t> texture = MakeTexture(kWidth, kHeight, 1);
+  viewfix_fix fix = {};
+  fix.size = sizeof fix;
+  ASSERT_EQ(viewfix_localize(opened, texture.data(), kWidth, kHeight, kWidth, &fix), VIEWFIX_OK);
+  ASSERT_EQ(fix.localized, 1);
+  EXPECT_STREQ(fix.location, "floor1");
+  EXPECT_EQ(fix.level, 1);
+  EXPECT_EQ(fix.view, nullptr);
+  EXPECT_EQ(fix.keyframe_id, -1);
+  ASSERT_EQ(fix.num_rivals, 2);
+  EXPECT_STRNE(fix.rivals[0], fix.rivals[1]);
+  for (const char* rival : {fix.rivals[0], fix.rivals[1]}) {
+    EXPECT_THAT(rival, testing::StartsWith("floor1/"));
   }
 }
 
@@ -128,8 +163,7 @@ TEST(CApiPoseTest, AgreesWithTheEngine) {
   const LandmarkSite site = MakeLandmarkSite();
   const std::vector<std::uint8_t> bytes = *WriteModel(site.data);
   Localizer engine = std::move(*Localizer::Create(*ModelView::Open(bytes), {}));
-  const Fix expected =
-      *engine.Localize({site.pixels.data(), site.width, site.height, site.width});
+  const Fix expected = *engine.Localize({site.pixels.data(), site.width, site.height, site.width});
   ASSERT_TRUE(expected.has_pose);
   viewfix_localizer* opened = nullptr;
   ASSERT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, nullptr, 0), VIEWFIX_OK);
@@ -215,6 +249,9 @@ TEST(CApiNamesTest, AreThere) {
   EXPECT_STREQ(viewfix_status_name(static_cast<viewfix_status>(7)), "unknown");
   EXPECT_STREQ(viewfix_reason_name(VIEWFIX_AMBIGUOUS), "ambiguous");
   EXPECT_STREQ(viewfix_reason_name(VIEWFIX_LOW_INLIERS), "low_inliers");
+  EXPECT_STREQ(viewfix_reason_name(VIEWFIX_BLURRED), "blurred");
+  EXPECT_STREQ(viewfix_reason_name(VIEWFIX_DARK), "dark");
+  EXPECT_STREQ(viewfix_reason_name(VIEWFIX_OVEREXPOSED), "overexposed");
   EXPECT_STREQ(viewfix_reason_name(1U << 31), "");
 }
 

@@ -195,26 +195,34 @@ TEST_F(LocalizerPoseTest, LandmarksOverruleTheScores) {
   EXPECT_EQ(fix->score, localizer.pair_scores()[fix->pair_idx]);
 }
 
-// The same landmarks in two maps, of two locations: either is as good, and neither is said.
-TEST_F(LocalizerPoseTest, TwoPlacesThatLookAlikeAreAmbiguous) {
-  ModelData& data = site_.data;
-  const std::uint32_t size = data.map_begin[1];
-  const auto twice = [](auto& v) {
-    const auto once = v;
-    v.insert(v.end(), once.begin(), once.end());
-  };
-  twice(data.landmark_position);
-  twice(data.landmark_descriptors);
-  twice(data.landmark_laplacian_sign);
-  twice(data.landmark_rarity);
-  data.map_begin = {0, size, 2 * size};
-  twice(data.map_origin);
-  twice(data.map_step);
-  // Keyframes 0 and 2 are of the first location, 4 and 6 of the second.
-  for (std::size_t i = data.keyframe_landmark_begin[4]; i < data.keyframe_landmarks.size(); ++i) {
-    data.keyframe_landmarks[i] += size;
+// The same landmarks in two maps, the second one seen by the second location's keyframes.
+class LookAlikesTest : public LocalizerPoseTest {
+ protected:
+  LookAlikesTest() {
+    ModelData& data = site_.data;
+    const std::uint32_t size = data.map_begin[1];
+    const auto twice = [](auto& v) {
+      const auto once = v;
+      v.insert(v.end(), once.begin(), once.end());
+    };
+    twice(data.landmark_position);
+    twice(data.landmark_descriptors);
+    twice(data.landmark_laplacian_sign);
+    twice(data.landmark_rarity);
+    data.map_begin = {0, size, 2 * size};
+    twice(data.map_origin);
+    twice(data.map_step);
+    // Keyframes 0 and 2 are of the first location, 4 and 6 of the second.
+    for (std::size_t i = data.keyframe_landmark_begin[4]; i < data.keyframe_landmarks.size(); ++i) {
+      data.keyframe_landmarks[i] += size;
+    }
+    data.weight_scale.assign(4, 1e-9F);
   }
-  data.weight_scale.assign(4, 1e-9F);
+};
+
+// Either is as good, and neither is said.
+TEST_F(LookAlikesTest, OfTwoFloorsAreAmbiguous) {
+  site_.data.locations = {"floor1/lobby", "floor2/lobby"};
   Localizer localizer = Make();
   const auto fix = localizer.Localize(image());
   ASSERT_TRUE(fix.ok());
@@ -224,6 +232,37 @@ TEST_F(LocalizerPoseTest, TwoPlacesThatLookAlikeAreAmbiguous) {
   EXPECT_LE(fix->confidence, 0.5F);
   ASSERT_EQ(fix->num_rivals, 1);
   EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+  EXPECT_TRUE(fix->GuessIsRival());
+}
+
+TEST_F(LookAlikesTest, OfOneFloorSayTheFloor) {
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_TRUE(fix->localized);
+  EXPECT_EQ(fix->level, 1);
+  EXPECT_FALSE(fix->has_pose);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_GT(fix->confidence, 0.9F) << "of the floor";
+  ASSERT_EQ(fix->num_rivals, 1);
+  EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+}
+
+// A corridor whose ends look alike: the corridor it is, but not at which end.
+TEST_F(LookAlikesTest, OfOneLocationSayTheLocation) {
+  site_.data.locations = {"floor1/corridor"};
+  site_.data.views = {"a", "b", "c", "d"};
+  site_.data.pair_location = {0, 0, 0, 0};
+  site_.data.pair_view = {0, 1, 2, 3};
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_TRUE(fix->localized);
+  EXPECT_EQ(fix->level, 2);
+  EXPECT_FALSE(fix->has_pose);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_EQ(fix->num_rivals, 0);
+  EXPECT_FALSE(fix->GuessIsRival());
 }
 
 TEST_F(LocalizerPoseTest, AModelCameraThatIsNoneIsRefused) {

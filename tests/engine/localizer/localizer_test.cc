@@ -102,6 +102,132 @@ TEST_F(LocalizerTest, RivalsAreThoseWithinTheMargin) {
   EXPECT_EQ(far.Localize({pixels.data(), 320, 240, 320})->num_rivals, 0);
 }
 
+// What keeps a frame from being recognized, one after another, each image made to show it.
+class ImageReasonsTest : public LocalizerTest {
+ protected:
+  // Of a model that is never sure.
+  std::uint32_t ReasonsOf(const std::vector<std::uint8_t>& pixels) {
+    ModelData data = TinyModelData();
+    data.confidence = {.offset = -50, .slope = 0, .threshold = 0.5F};
+    Localizer localizer = Make(data);
+    const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+    EXPECT_TRUE(fix.ok());
+    EXPECT_FALSE(fix->localized);
+    return fix->reasons;
+  }
+  // Grey values `low` to `low` + 255 / `divisor`.
+  static std::vector<std::uint8_t> Toned(int low, int divisor) {
+    auto pixels = Blocks(320, 240, 1);
+    for (auto& p : pixels) p = static_cast<std::uint8_t>(std::min(255, low + p / divisor));
+    return pixels;
+  }
+  static std::vector<std::uint8_t> MovedSideways(int by) {
+    const auto sharp = Blocks(320, 240, 1);
+    auto moved = sharp;
+    for (int y = 0; y < 240; ++y) {
+      for (int x = 0; x < 320; ++x) {
+        int sum = 0;
+        for (int k = 0; k < by; ++k) sum += sharp[y * 320 + std::min(x + k, 319)];
+        moved[y * 320 + x] = static_cast<std::uint8_t>(sum / by);
+      }
+    }
+    return moved;
+  }
+  static constexpr std::uint32_t kOfTheImage = kBlurred | kDark | kOverexposed;
+};
+
+TEST_F(ImageReasonsTest, APlainWallIsNoFaultOfTheImage) {
+  EXPECT_EQ(ReasonsOf(std::vector<std::uint8_t>(320 * 240, 128)), kTooFewFeatures);
+}
+
+TEST_F(ImageReasonsTest, ASharpImageHasNoFault) {
+  EXPECT_EQ(ReasonsOf(Toned(0, 1)) & kOfTheImage, 0U);
+  EXPECT_EQ(ReasonsOf(Toned(60, 2)) & kOfTheImage, 0U);
+}
+
+TEST_F(ImageReasonsTest, Dark) {
+  EXPECT_EQ(ReasonsOf(Toned(0, 60)), kTooFewFeatures | kDark);
+  EXPECT_EQ(ReasonsOf(Toned(0, 10)) & kOfTheImage, kDark);
+}
+
+TEST_F(ImageReasonsTest, Overexposed) {
+  EXPECT_EQ(ReasonsOf(Toned(252, 120)), kTooFewFeatures | kOverexposed);
+  EXPECT_EQ(ReasonsOf(Toned(215, 3)) & kOfTheImage, kOverexposed);
+}
+
+TEST_F(ImageReasonsTest, Blurred) {
+  EXPECT_EQ(ReasonsOf(MovedSideways(14)) & kOfTheImage, kBlurred);
+  EXPECT_EQ(ReasonsOf(MovedSideways(3)) & kOfTheImage, 0U);
+}
+
+TEST_F(ImageReasonsTest, AFrameThatIsLocalizedHasNoFault) {
+  Localizer localizer = Make(TinyModelData());
+  const auto pixels = MovedSideways(14);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix->localized);
+  EXPECT_EQ(fix->reasons, 0U);
+}
+
+// "floor1/hall" and "floor1/lobby", that score alike, and "floor2/lift", by `floor_margin` less.
+ModelData TwoFloors(float floor_margin) {
+  ModelData data = TinyModelData();
+  data.locations = {"floor1/hall", "floor1/lobby", "floor2/lift"};
+  data.pair_location = {0, 1, 2};
+  data.pair_view = {0, 0, 0};
+  data.views = {"left"};
+  data.bias = {1, 1, 1 - floor_margin};
+  data.weight_scale.assign(3, 1e-6F);
+  data.weights.resize(data.weights.size() / 4 * 3);
+  data.keyframe_pair = {0, 0, 0, 1, 1, 1, 2, 2};
+  data.confidence = {.offset = -1, .slope = 2, .threshold = 0.5F};
+  return data;
+}
+
+TEST_F(LocalizerTest, WhereAreasLookAlikeTheFloorIsSaid) {
+  Localizer localizer = Make(TwoFloors(3));
+  const auto pixels = Blocks(320, 240, 1);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix->localized);
+  EXPECT_EQ(fix->level, 1);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_TRUE(fix->GuessIsRival());
+  ASSERT_EQ(fix->num_rivals, 1);
+  EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+  EXPECT_NEAR(fix->confidence, 1 / (1 + std::exp(1 - 2 * 3)), 1e-3) << "of the floor";
+}
+
+TEST_F(LocalizerTest, WhereFloorsLookAlikeNothingIsSaid) {
+  Localizer localizer = Make(TwoFloors(0.1F));
+  const auto pixels = Blocks(320, 240, 1);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  EXPECT_FALSE(fix->localized);
+  EXPECT_EQ(fix->level, 0);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_TRUE(fix->GuessIsRival());
+  EXPECT_EQ(fix->num_rivals, 2);
+}
+
+// That the only floor is the one says nothing: it would be said of any other building too.
+TEST_F(LocalizerTest, AnOnlyFloorIsNoAnswer) {
+  ModelData data = TwoFloors(3);
+  data.locations[2] = "floor1/stair";
+  Localizer localizer = Make(data);
+  const auto pixels = Blocks(320, 240, 1);
+  EXPECT_FALSE(localizer.Localize({pixels.data(), 320, 240, 320})->localized);
+}
+
+TEST_F(LocalizerTest, APlaceFarFromAllIsUnknown) {
+  ModelData data = TwoFloors(3);
+  data.bias[1] = -2;
+  data.confidence.offset = -50;
+  Localizer localizer = Make(data);
+  const auto pixels = Blocks(320, 240, 1);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  EXPECT_FALSE(fix->localized);
+  EXPECT_EQ(fix->reasons, kUnknownPlace);
+  EXPECT_FALSE(fix->GuessIsRival());
+}
+
 TEST_F(LocalizerTest, HostileImagesAreErrors) {
   Localizer localizer = Make(TinyModelData());
   const std::vector<std::uint8_t> pixels(100, 0);

@@ -127,13 +127,13 @@ TEST(PoseFinder, ALookAlikePlaceIsARival) {
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
   const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
   ExpectAt(found, truth, 0.01, 0.003);
-  EXPECT_GE(found.rival_evidence, 0.8F * found.evidence);
-  ASSERT_GE(found.rival_keyframe_idx, 0);
-  EXPECT_NE(found.rival_keyframe_idx < 4, found.keyframe_idx < 4);
+  EXPECT_GE(found.rivals[0].evidence, 0.8F * found.evidence);
+  ASSERT_GE(found.rivals[0].keyframe_idx, 0);
+  EXPECT_NE(found.rivals[0].keyframe_idx < 4, found.keyframe_idx < 4);
   const FoundPose alone =
       finder->Find(features, SyntheticSite::camera(), false, Proposed({0, 1, 2, 3}));
-  EXPECT_EQ(alone.rival_evidence, 0);
-  EXPECT_EQ(alone.rival_keyframe_idx, -1);
+  EXPECT_EQ(alone.rivals[0].evidence, 0);
+  EXPECT_EQ(alone.rivals[0].keyframe_idx, -1);
 }
 
 // Far less agrees than the pose puts into the image: something like the place.

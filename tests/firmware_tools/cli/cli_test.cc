@@ -71,8 +71,8 @@ class CliTest : public ::testing::Test {
 
 TEST_F(CliTest, HelpAndUsage) {
   EXPECT_EQ(Viewfix({"--help"}).exit_code, 0);
-  for (const char* command : {"simulate", "check", "train", "eval", "inspect", "export",
-                              "calibrate"}) {
+  for (const char* command :
+       {"simulate", "check", "train", "eval", "inspect", "export", "calibrate"}) {
     const ProgramRun help = Viewfix({command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Example: viewfix"));
@@ -179,9 +179,8 @@ TEST_F(CliTest, AMapOnTheFloorPlan) {
   const std::string plan = folder_.Write("plan.jpg", EncodeJpeg(MakeTexture(80, 60, 9), 80, 60, 1));
   const std::string align =
       folder_.Write("align.csv", std::string_view("px,py,x,y\n0,0,100,10\n79,0,179,10\n"));
-  const ProgramRun train =
-      Viewfix({"train", site, "--out", Model(), "--words", "20", "--control", control,
-               "--floorplan", plan, "--floorplan-align", align});
+  const ProgramRun train = Viewfix({"train", site, "--out", Model(), "--words", "20", "--control",
+                                    control, "--floorplan", plan, "--floorplan-align", align});
   ASSERT_EQ(train.exit_code, 0) << train.err;
   EXPECT_THAT(train.err, HasSubstr("map 0: control points, median 0.000 m"));
 
@@ -195,8 +194,8 @@ TEST_F(CliTest, AMapOnTheFloorPlan) {
   EXPECT_THAT(Viewfix({"inspect", Model()}).out, HasSubstr("floor plan 80 x 60"));
 
   const std::string json = folder_ / "f.json";
-  const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--split", "all",
-                                   "--sequence", "--window", "3", "--json", json});
+  const ProgramRun eval = Viewfix({"eval", site, "--model", Model(), "--split", "all", "--sequence",
+                                   "--window", "3", "--json", json});
   ASSERT_EQ(eval.exit_code, 0) << eval.err;
   const auto figures = nlohmann::json::parse(std::ifstream(json));
   EXPECT_EQ(figures["sequence"], true);
@@ -206,6 +205,18 @@ TEST_F(CliTest, AMapOnTheFloorPlan) {
   EXPECT_LT(figures["pose"]["median_translation_m"], 0.05);
   EXPECT_LT(figures["frame_alone"]["pose"]["median_translation_m"], 0.05)
       << "compared in the frame of the set's poses";
+  ASSERT_FALSE(figures["confidence"]["reliability"].empty());
+  EXPECT_EQ(figures["confidence"]["risk_coverage"].back()["coverage"], 1);
+  EXPECT_EQ(figures["filter"], false);
+
+  ASSERT_EQ(
+      Viewfix({"eval", site, "--model", Model(), "--split", "all", "--filter", "--json", json})
+          .exit_code,
+      0);
+  const auto filtered = nlohmann::json::parse(std::ifstream(json));
+  EXPECT_EQ(filtered["sequence"], true);
+  EXPECT_EQ(filtered["filter"], true);
+  EXPECT_GE(filtered["frames"][1]["confidence"], figures["frames"][1]["confidence"]);
 
   EXPECT_EQ(Viewfix({"export", Model(), "--format", "tum", "--out", folder_ / "m.tum"}).exit_code,
             0);
@@ -219,8 +230,8 @@ TEST_F(CliTest, ControlsThatCannotBeUsed) {
   const ProgramRun none = Viewfix({"train", site, "--out", Model(), "--control", control});
   EXPECT_EQ(none.exit_code, 1);
   EXPECT_THAT(LastLine(none), HasSubstr("control.csv: no map to place by control points"));
-  const ProgramRun one = Viewfix({"train", SiteWithPoses(), "--out", Model(), "--words", "20",
-                                  "--control", control});
+  const ProgramRun one =
+      Viewfix({"train", SiteWithPoses(), "--out", Model(), "--words", "20", "--control", control});
   EXPECT_EQ(one.exit_code, 1);
   EXPECT_THAT(LastLine(one), HasSubstr("control.csv: three control points are needed"));
   EXPECT_EQ(Viewfix({"train", site, "--out", Model(), "--floorplan", control}).exit_code, 2)
@@ -233,7 +244,8 @@ TEST_F(CliTest, ControlsThatCannotBeUsed) {
 
 TEST_F(CliTest, ExportOfAModelWithoutAMap) {
   ASSERT_EQ(TrainSite(Site(), Model()).exit_code, 0);
-  const ProgramRun run = Viewfix({"export", Model(), "--format", "ply", "--out", folder_ / "m.ply"});
+  const ProgramRun run =
+      Viewfix({"export", Model(), "--format", "ply", "--out", folder_ / "m.ply"});
   EXPECT_EQ(run.exit_code, 1);
   EXPECT_THAT(LastLine(run), HasSubstr("site.vfx: the model has no landmarks"));
   EXPECT_EQ(Viewfix({"export", Model(), "--format", "obj", "--out", "x"}).exit_code, 2);

@@ -117,6 +117,35 @@ TEST_F(ViewfixdTest, AWindowTakesThreeToEightFrames) {
   }
 }
 
+// The same frame again and again: surer and surer, unless each is judged alone.
+TEST_F(ViewfixdTest, FramesThatAgreeGainConfidence) {
+  for (const char* name : {"still/0.jpg", "still/1.jpg", "still/2.jpg"}) {
+    folder_.Write(name, EncodeJpeg(MakeTexture(kWidth, kHeight, 1), kWidth, kHeight, 1));
+  }
+  const auto confidences = [&](const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"--model", model_, "--camera",
+                                          "replay:" + folder_ / "still"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const ProgramRun run = Viewfixd(arguments);
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    std::vector<double> values;
+    for (const std::string& line : Lines(run.out)) {
+      values.push_back(std::stod(Between(line, "\"confidence\":", ",").substr(13)));
+    }
+    return values;
+  };
+  const auto alone = confidences({"--filter", "off"});
+  ASSERT_THAT(alone, SizeIs(3));
+  EXPECT_THAT(alone, testing::Each(alone[0]));
+  for (const auto& filtered : {confidences({}), confidences({"--filter", "on"})}) {
+    ASSERT_THAT(filtered, SizeIs(3));
+    EXPECT_EQ(filtered[0], alone[0]);
+    EXPECT_GT(filtered[1], filtered[0]);
+    EXPECT_GT(filtered[2], filtered[1]);
+  }
+  ExpectOneLine(Replay({"--filter", "maybe"}), 2, "--filter maybe: not on or off");
+}
+
 TEST_F(ViewfixdTest, AnUnreadableFrameIsNamedCountedAndPassedOver) {
   folder_.Write("walk/1.jpg", "no JPEG");
   const ProgramRun run = Replay();
@@ -206,7 +235,8 @@ TEST_F(ViewfixdTest, CalibrationReplacesTheModelsCamera) {
   folder_.Write("one/0.jpg", EncodeJpeg(site.pixels, site.width, site.height, 1));
   const std::string good = folder_.Write("good.yaml", CalibrationYaml(site, site.camera.fx));
   const auto run = [&](const std::vector<std::string>& more) {
-    std::vector<std::string> arguments = {"--model", model, "--camera", "replay:" + folder_ / "one"};
+    std::vector<std::string> arguments = {"--model", model, "--camera",
+                                          "replay:" + folder_ / "one"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return Viewfixd(arguments);
   };

@@ -68,6 +68,24 @@ TEST_F(FixWriterTest, ARefusalNamesNoPlace) {
                               "\"view\":null"));
   EXPECT_THAT(line, HasSubstr("\"keyframe\":null,\"pose\":null"));
   EXPECT_THAT(line, HasSubstr("\"reasons\":[\"too_few_features\",\"ambiguous\"]"));
+  EXPECT_THAT(line, HasSubstr("\"rivals\":[\"floor1/caf\xC3\xA9\",\"floor1/lobby\"]"))
+      << "between what it is ambiguous";
+  fix.reasons = kLowInliers | kDark | kBlurred | kOverexposed | kUnknownPlace;
+  const std::string other = Write(fix);
+  EXPECT_THAT(other, HasSubstr("\"reasons\":[\"blurred\",\"dark\",\"overexposed\","
+                               "\"unknown_place\",\"low_inliers\"]"));
+  EXPECT_THAT(other, HasSubstr("\"rivals\":[\"floor1/lobby\"]"));
+}
+
+TEST_F(FixWriterTest, AFloorAloneHasNeitherViewNorKeyframe) {
+  Fix fix = Localized();
+  fix.level = 1;
+  fix.reasons = kAmbiguous;
+  const std::string line = Write(fix);
+  EXPECT_THAT(line, HasSubstr("\"state\":\"localized\",\"location\":\"floor1\",\"level\":1,"
+                              "\"view\":null"));
+  EXPECT_THAT(line, HasSubstr("\"rivals\":[\"floor1/caf\xC3\xA9\",\"floor1/lobby\"]"));
+  EXPECT_THAT(line, HasSubstr("\"keyframe\":null,\"pose\":null"));
 }
 
 TEST_F(FixWriterTest, AKeyframeWithoutPoseSaysSo) {

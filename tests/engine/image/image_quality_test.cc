@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "firmware_tools/dataset/image_quality.h"
+#include "engine/image/image_quality.h"
 
 #include <gtest/gtest.h>
 
@@ -73,6 +73,22 @@ TEST(MeasureQuality, CountsDarkAndBrightPixels) {
   EXPECT_DOUBLE_EQ(quality.dark_share, 0.3);
   EXPECT_DOUBLE_EQ(quality.bright_share, 0.2);
   EXPECT_DOUBLE_EQ(quality.mean, 0.3 * 15 + 0.1 * 16 + 0.4 * 100 + 0.2 * 248);
+}
+
+TEST(MeasureQuality, CallsAnImageWhatAHumanWould) {
+  const auto called = [](const cv::Mat& image) {
+    const ImageQuality q = MeasureQuality(ViewOf(image));
+    return std::string(q.blurred() ? "blurred " : "") + (q.dark() ? "dark " : "") +
+           (q.overexposed() ? "overexposed " : "");
+  };
+  const cv::Mat squares = Squares(120);
+  EXPECT_EQ(called(squares), "");
+  EXPECT_EQ(called(Blurred(squares, 1.5)), "");
+  EXPECT_EQ(called(Blurred(squares, 4)), "blurred ");
+  EXPECT_EQ(called(squares * 0.15), "dark ");
+  EXPECT_EQ(called(squares * 0.4), "");
+  EXPECT_EQ(called(squares + 180), "overexposed ");
+  EXPECT_EQ(called(squares + 60), "");
 }
 
 TEST(MeasureQuality, ReadsRowsWithPadding) {
