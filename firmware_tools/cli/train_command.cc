@@ -194,7 +194,8 @@ void AddTrain(CLI::App& app) {
   AddPosesFlag(*command, flags->poses);
   AddFeatureFlags(*command, flags->options.features);
   command->add_option("--map-features", flags->options.map_features,
-                      "features an image for the map, where more than a frame's")
+                      "features an image for a map from photographs alone (--map colmap), "
+                      "where more than --max-features")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command->add_option("--seed", flags->options.seed, "seed of the vocabulary")

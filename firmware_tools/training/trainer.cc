@@ -258,8 +258,10 @@ std::vector<T> Kept(const std::vector<T>& all, const std::vector<int>& kept) {
 std::optional<FeatureStore> ExtractMapFeatures(const ImageSet& set, const TrainOptions& options,
                                                std::span<const int> image_idxs,
                                                const StageProgress& stages) {
-  const bool has_map = options.map.source != MapSource::kNone;
-  if (!has_map || options.map_features <= options.features.max_features) return std::nullopt;
+  const bool from_photographs = options.map.source == MapSource::kColmap;
+  if (!from_photographs || options.map_features <= options.features.max_features) {
+    return std::nullopt;
+  }
   FeatureOptions more = options.features;
   more.max_features = options.map_features;
   return ExtractFeatures(set, image_idxs, more, options.jobs, Begin(stages, "features of the map"));

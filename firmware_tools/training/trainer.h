@@ -31,8 +31,8 @@ struct TrainOptions {
   std::optional<bool> other_views_negative;
   int folds = 4;          // of held-out blocks, >= 2
   SiteMapOptions map;     // where landmarks come from
-  // Of an image, for the map: more make it firmer than what a board has time for. No fewer than
-  // features.max_features are taken.
+  // Of an image, for a map from photographs alone: more hold it together better than what a board
+  // has time for. No fewer than features.max_features are taken. Given poses need no more.
   int map_features = 1500;
   ModelMapOptions model_map;
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
