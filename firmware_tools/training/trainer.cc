@@ -282,7 +282,11 @@ std::vector<T> Kept(const std::vector<T>& all, const std::vector<int>& kept) {
 std::optional<FeatureStore> ExtractMapFeatures(const ImageSet& set, const TrainOptions& options,
                                                std::span<const int> image_idxs,
                                                const StageProgress& stages) {
-  const bool has_map = options.map.source != MapSource::kNone;
+  const bool has_poses = std::any_of(image_idxs.begin(), image_idxs.end(), [&](int i) {
+    return set.images[i].pose.has_value();
+  });
+  const bool has_map = options.map.source == MapSource::kColmap ||
+                       (options.map.source == MapSource::kPoses && has_poses);
   if (!has_map || options.map_features <= options.features.max_features) return std::nullopt;
   FeatureOptions more = options.features;
   more.max_features = options.map_features;
