@@ -11,6 +11,7 @@
 #include "engine/base/location_name.h"
 #include "engine/image/image_quality.h"
 #include "engine/image/resize.h"
+#include "engine/matching/place_evidence.h"
 #include "engine/pose/model_geometry.h"
 #include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
@@ -56,6 +57,9 @@ constexpr int kPromisingOfPair = 4;
 // A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
 constexpr float kAmbiguousShare = 0.9F;
 static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
+
+// A location that this share of the best one's evidence speaks for is its rival.
+constexpr float kRivalShare = 0.75F;
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -166,6 +170,10 @@ struct Localizer::State {
         model_camera(CameraOf(model.camera())),
         pose_finder(std::move(finder)),
         window(std::move(window_adjuster)) {
+    if (model.has_details()) {
+      places.emplace(model.vocabulary().words, model.vocabulary().dim, model.details(),
+                     model.scoring().num_locations);
+    }
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
     proposed_of_location.resize(model.scoring().num_locations);
@@ -190,6 +198,8 @@ struct Localizer::State {
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix);
+  void LocateByDetails(Fix& fix);
+  void FindDetailRivals(Fix& fix) const;
   void ClearScores();
 
   ModelView model;
@@ -208,6 +218,7 @@ struct Localizer::State {
   std::vector<float> keyframe_similarities;
   Camera model_camera;
   std::optional<PoseFinder> pose_finder;       // where the model has landmarks
+  std::optional<PlaceEvidence> places;         // where the model has details
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
   std::vector<int> proposed_of_location;  // [locations]
@@ -308,7 +319,8 @@ void Localizer::State::Decide(Fix& fix) const {
   fix.localized = fix.confidence >= model.confidence().threshold;
   if (fix.localized) return;
   fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
-  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(fix);
+  // With details, the curve is of their margin; that of the scores at a level says nothing.
+  if (fix.num_rivals > 0 && !places) fix.localized = DecideAtLevel(fix);
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
@@ -457,6 +469,47 @@ void Localizer::State::LocateByScore(Fix& fix) {
   Decide(fix);
 }
 
+// Other locations that details speak for nearly as much, best first.
+void Localizer::State::FindDetailRivals(Fix& fix) const {
+  const auto evidence = places->evidence();
+  const auto least = kRivalShare * static_cast<float>(evidence[fix.location_idx]);
+  fix.num_rivals = 0;
+  while (fix.num_rivals < Fix::kMaxRivals) {
+    const std::span<const int> rivals(fix.rivals, fix.num_rivals);
+    int best = -1;
+    for (int l = 0; l < static_cast<int>(evidence.size()); ++l) {
+      const bool counted = l == fix.location_idx || std::ranges::find(rivals, l) != rivals.end();
+      if (counted || static_cast<float>(evidence[l]) < least) continue;
+      if (best < 0 || evidence[l] > evidence[best]) best = l;
+    }
+    if (best < 0) return;
+    fix.rivals[fix.num_rivals++] = best;
+  }
+}
+
+// What tells look-alike places apart decides which it is; the scores name its view.
+void Localizer::State::LocateByDetails(Fix& fix) {
+  const int per_feature = model.vocabulary().words_per_feature;
+  places->Weigh(features.descriptors(), features.keypoints(),
+                {words.data(), std::size_t(features.size()) * per_feature}, per_feature);
+  const PlaceEvidence::Best best = places->FindBest();
+  fix.reasons = 0;
+  fix.num_rivals = 0;
+  fix.evidence = best.evidence;
+  fix.rival_evidence = best.rival_evidence;
+  fix.margin = best.margin;
+  if (best.location_idx >= 0) {
+    fix.location_idx = best.location_idx;
+    fix.pair_idx = BestPairOf(model.scoring(), pair_evidence, fix.location_idx);
+    fix.score = pair_scores[fix.pair_idx];
+    fix.keyframe_idx = NearestKeyframe(fix.pair_idx);
+    fix.num_inliers = places->votes()[fix.location_idx];
+    FindDetailRivals(fix);
+  }
+  Decide(fix);
+  if (!fix.localized && fix.num_rivals == 0) fix.reasons |= kLowInliers;
+}
+
 void Localizer::State::ClearScores() {
   std::fill(pair_scores.begin(), pair_scores.end(), 0.0F);
   std::fill(location_scores.begin(), location_scores.end(), 0.0F);
@@ -511,6 +564,9 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
     if (!tracked) {
       s.LocateByScore(fix);
       fix.ms.score = Milliseconds(s.Now() - now);
+      now = s.Now();
+      if (s.places) s.LocateByDetails(fix);
+      fix.ms.verify = Milliseconds(s.Now() - now);
       now = s.Now();
       if (s.pose_finder) s.FindPose(prior, fix);
       fix.ms.pose += Milliseconds(s.Now() - now);

@@ -65,15 +65,19 @@ struct Fix {
   Rigid3 world_from_cam = {};
   // Of [camera centre in world units; left rotation vector of world_from_cam in radians].
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
-  int num_inliers = 0;  // landmarks that agree with the pose
+  // Landmarks that agree with the pose; without landmarks, features whose nearest detail is of the
+  // location (matching/place_evidence.h).
+  int num_inliers = 0;
   // What they say, each weighed by its rarity; what would be said if all landmarks in sight of
-  // the pose were found; and what speaks for the best pose elsewhere (pose/pose_finder.h).
+  // the pose were found; and what speaks for the best pose elsewhere (pose/pose_finder.h). Of
+  // details: what speaks for the location, and for the best other.
   float evidence = 0;
   float expected_evidence = 0;
   float rival_evidence = 0;
   float score = 0;     // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;    // location's score, keyframes counted in, less the best other's; below
-                       // zero where landmarks overrule the scores
+                       // zero where landmarks overrule the scores; where the model has details,
+                       // PlaceEvidence::Best's
   int num_rivals = 0;  // other locations close to the best, best first
   int rivals[kMaxRivals] = {};
   int num_features = 0;

@@ -137,7 +137,8 @@ Status ModelView::Load() {
   for (const Loader load :
        {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
         &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-        &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan}) {
+        &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan,
+        &ModelView::LoadDetails}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -346,6 +347,34 @@ Status ModelView::LoadFloorPlan() {
                      AllFinite(p.site_from_pixel) &&
                      (p.site_from_pixel[0] != 0 || p.site_from_pixel[1] != 0);
   return valid ? Status() : Corrupt("model's floor plan is out of range");
+}
+
+Status ModelView::LoadDetails() {
+  const fb::Details* d = Root(bytes_)->details();
+  if (d == nullptr) return {};
+  const std::size_t size = Span(d->location()).size();
+  details_ = {static_cast<int>(size), d->parts(),          Span(d->codebook()),
+              Span(d->list_begin()),  Span(d->location()), Span(d->codes())};
+  const ModelDetails& m = details_;
+  const int dim = features_.descriptor_dim;
+  const std::size_t lists = 2 * std::size_t(vocabulary_.num_words);
+  const bool sizes = size >= 1 && size <= kMaxDetails && m.parts >= 1 && dim % m.parts == 0 &&
+                     m.codebook.size() == kCodesOfPart * std::size_t(dim) &&
+                     m.list_begin.size() == lists + 1 && m.list_begin.front() == 0 &&
+                     m.list_begin.back() == size && m.codes.size() == size * m.parts;
+  if (!sizes) return Corrupt("model's detail tables have wrong sizes");
+  for (std::size_t list = 0; list < lists; ++list) {
+    const std::uint32_t begin = m.list_begin[list];
+    const std::uint32_t end = m.list_begin[list + 1];
+    if (begin > end || end > size) return Corrupt("model's lists of details are broken");
+    for (std::uint32_t i = begin; i < end; ++i) {
+      const bool ascending = i == begin || m.location[i] >= m.location[i - 1];
+      if (!ascending || m.location[i] >= scoring_.num_locations) {
+        return Corrupt("model's detail is of no location");
+      }
+    }
+  }
+  return {};
 }
 
 int ModelView::MapOf(std::uint32_t landmark_idx) const {

@@ -25,6 +25,8 @@ inline constexpr std::size_t kModelHashBytes = 32;
 
 inline constexpr int kMaxWordsPerFeature = 4;
 inline constexpr int kMaxLandmarks = 1 << 24;
+inline constexpr int kMaxDetails = 1 << 24;
+inline constexpr int kCodesOfPart = 256;
 inline constexpr std::size_t kMaxFloorPlanBytes = 4 << 20;
 
 // Values are stored in models: do not change them.
@@ -103,6 +105,16 @@ struct ModelLandmarks {
   std::span<const std::uint8_t> map_metric;  // [maps] 0 or 1; empty: all as the model
 };
 
+// Sizes and order as in viewfix.fbs.
+struct ModelDetails {
+  int size = 0;
+  int parts = 0;                              // S
+  std::span<const std::int8_t> codebook;      // [parts, kCodesOfPart, dim / parts]
+  std::span<const std::uint32_t> list_begin;  // [2 words + 1]
+  std::span<const std::uint16_t> location;    // [size]
+  std::span<const std::uint8_t> codes;        // [size, parts]
+};
+
 // x = a px + b py + tx, y = b px - a py + ty, metres.
 struct ModelFloorPlan {
   std::span<const std::uint8_t> picture;  // a PNG or JPEG file; empty: none
@@ -133,6 +145,8 @@ class ModelView {
   const ModelLandmarks& landmarks() const { return landmarks_; }  // none: size 0
   bool has_floor_plan() const { return !floor_plan_.picture.empty(); }
   const ModelFloorPlan& floor_plan() const { return floor_plan_; }
+  bool has_details() const { return details_.size > 0; }
+  const ModelDetails& details() const { return details_; }  // none: size 0
   bool metric() const { return metric_; }  // at least the first map's units are metres
   bool metric(int map_idx) const {
     return landmarks_.map_metric.empty() ? metric_ : landmarks_.map_metric[map_idx] != 0;
@@ -165,6 +179,7 @@ class ModelView {
   Status LoadLandmarks();
   Status LoadKeyframeLandmarks();
   Status LoadFloorPlan();
+  Status LoadDetails();
 
   std::span<const std::uint8_t> bytes_;
   ModelFeatures features_;
@@ -175,6 +190,7 @@ class ModelView {
   ModelCamera camera_;
   ModelLandmarks landmarks_;
   ModelFloorPlan floor_plan_;
+  ModelDetails details_;
   bool metric_ = false;
   std::string_view record_;
 };

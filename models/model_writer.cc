@@ -47,6 +47,17 @@ flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder
                              static_cast<std::uint16_t>(f.height), alignment);
 }
 
+flatbuffers::Offset<fb::Details> BuildDetails(flatbuffers::FlatBufferBuilder& b,
+                                              const ModelData::DetailsData& d) {
+  if (d.location.empty()) return 0;
+  const auto codebook = b.CreateVector(d.codebook);
+  const auto list_begin = b.CreateVector(d.list_begin);
+  const auto location = b.CreateVector(d.location);
+  const auto codes = b.CreateVector(d.codes);
+  return fb::CreateDetails(b, static_cast<std::uint8_t>(d.parts), codebook, list_begin, location,
+                           codes);
+}
+
 // Everything is written, defaults too: a reader then sees each stated value.
 flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, const ModelData& d) {
   const ModelFeatures& f = d.features;
@@ -89,8 +100,9 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
     camera = BuildCamera(b, d.camera);
     map = BuildLandmarks(b, d);
   }
+  const auto details = BuildDetails(b, d.details);
   return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
-                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan));
+                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan), details);
 }
 
 template <typename T>

@@ -62,6 +62,14 @@ struct ModelData {
     int height = 0;
     std::array<double, 4> site_from_pixel{};
   } floor_plan;
+  // No locations: none.
+  struct DetailsData {
+    int parts = 0;
+    std::vector<std::int8_t> codebook;
+    std::vector<std::uint32_t> list_begin;
+    std::vector<std::uint16_t> location;
+    std::vector<std::uint8_t> codes;
+  } details;
   std::string record;
 };
 

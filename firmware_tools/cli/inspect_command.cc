@@ -27,6 +27,7 @@ struct InspectFlags {
 Json Sections(const ModelView& model) {
   const ModelKeyframes& k = model.keyframes();
   const ModelLandmarks& l = model.landmarks();
+  const ModelDetails& d = model.details();
   return {{"vocabulary", model.vocabulary().words.size_bytes()},
           {"weights", model.scoring().weights.size_bytes()},
           {"keyframe_histograms",
@@ -35,6 +36,8 @@ Json Sections(const ModelView& model) {
           {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
           {"landmark_positions", l.position.size_bytes()},
           {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
+          {"details", d.codebook.size_bytes() + d.list_begin.size_bytes() +
+                          d.location.size_bytes() + d.codes.size_bytes()},
           {"floor_plan", model.floor_plan().picture.size()},
           {"record", model.record().size()}};
 }
@@ -122,6 +125,7 @@ Json Describe(const ModelView& model) {
   json["keyframes_with_pose"] = std::count(poses.begin(), poses.end(), std::uint8_t{1});
   json["metric"] = model.metric();
   json["landmarks"] = model.landmarks().size;
+  json["details"] = model.details().size;
   json["maps"] = Maps(model);
   json["camera"] = CameraAsJson(model.camera());
   json["floor_plan"] = FloorPlanAsJson(model.floor_plan());
@@ -176,6 +180,7 @@ void PrintForPeople(const std::string& path, const Json& d) {
   std::printf("keyframes  %d, %d with a pose\n", d["keyframes"].get<int>(),
               d["keyframes_with_pose"].get<int>());
   PrintMaps(d);
+  std::printf("details    %d\n", d["details"].get<int>());
   if (d["training"].is_object() && d["training"].contains("chosen")) {
     std::printf("training   %s\n", d["training"]["chosen"].dump().c_str());
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <charconv>
 #include <cstdio>
 #include <memory>
@@ -32,6 +33,7 @@ struct TrainFlags {
   std::string negatives = "auto";
   double c = 0;
   double beta = 0;
+  double details_mb = static_cast<double>(DetailOptions().max_bytes) / 1e6;
   TrainOptions options;
 };
 
@@ -68,6 +70,8 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   options.map.seed = static_cast<int>(options.seed % 1000000);
   options.map.jobs = options.jobs;
   options.model_map.jobs = options.jobs;
+  options.details.jobs = options.jobs;
+  options.details.max_bytes = static_cast<std::size_t>(flags.details_mb * 1e6);
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
@@ -117,6 +121,12 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
   std::printf("held-out blocks: location right %.1f %%, view right %.1f %%  (C %g, beta %g)\n",
               100 * chosen.location_accuracy, 100 * chosen.view_accuracy, chosen.options.c,
               chosen.options.beta);
+  if (result.details_held_out.empty()) return;
+  const auto right = std::count_if(result.details_held_out.begin(), result.details_held_out.end(),
+                                   [](const Outcome& o) { return o.right; });
+  std::printf(
+      "held-out frames, by details: location right %.1f %%\n",
+      100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()));
 }
 
 void RunTrain(const TrainFlags& flags) {
@@ -177,6 +187,13 @@ void AddTrain(CLI::App& app) {
       ->add_option("--landmarks", flags->options.model_map.landmarks_per_keyframe,
                    "landmarks that each keyframe keeps, about")
       ->check(CLI::Range(16, 8192))
+      ->capture_default_str();
+  command
+      ->add_option(
+          "--details", flags->details_mb,
+          "MB of the model, at most, for what tells look-alike places apart where there are "
+          "no landmarks; 0: none")
+      ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 namespace viewfix {
 namespace {
@@ -73,6 +74,25 @@ ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
   }
   if (curve.slope < 0) curve = {std::log((right + 1) / (wrong + 1)), 0};
   return {static_cast<float>(curve.offset), static_cast<float>(curve.slope), 0.5F};
+}
+
+void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
+                       ModelConfidence& confidence) {
+  std::vector<Outcome> sorted(outcomes.begin(), outcomes.end());
+  std::stable_sort(sorted.begin(), sorted.end(),
+                   [](const Outcome& a, const Outcome& b) { return a.margin > b.margin; });
+  std::size_t answered = 0;
+  double wrong = 0;
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    wrong += sorted[i].right ? 0 : 1;
+    if (wrong <= wrong_share * static_cast<double>(i + 1)) answered = i + 1;
+  }
+  // The first that is not answered is wrong, or the set would be wider.
+  if (answered == sorted.size() || confidence.slope == 0) return;
+  const double least =
+      Logistic(double{confidence.offset} + double{confidence.slope} * sorted[answered].margin);
+  const float above = std::nextafter(static_cast<float>(least), 1.0F);
+  confidence.threshold = std::max(confidence.threshold, above);
 }
 
 }  // namespace viewfix

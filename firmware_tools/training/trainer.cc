@@ -243,6 +243,30 @@ ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
   return FitConfidence(outcomes);
 }
 
+Json DetailsAsJson(const TrainedDetails& details) {
+  const auto right = std::count_if(details.held_out.begin(), details.held_out.end(),
+                                   [](const Outcome& o) { return o.right; });
+  return {{"details", details.table.location.size()},
+          {"held_out", details.held_out.size()},
+          {"right", right}};
+}
+
+// What they tell decides, so that the confidence is that of their margin. Returns how they fared.
+TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& options,
+                          const StageProgress& stages, ModelData& model) {
+  if (!model.landmark_position.empty() || options.details.max_bytes == 0) return {};
+  const Labels& labels = prepared.labels;
+  const DetailSource source = {prepared.features, labels.image_idxs,
+                               labels.location,   static_cast<int>(labels.locations.size()),
+                               prepared.words,    WordsPerFeature(options)};
+  TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
+  if (details.table.location.empty() || details.held_out.empty()) return {};
+  model.details = details.table;
+  model.confidence = FitConfidence(details.held_out);
+  LimitWrongAnswers(details.held_out, options.details.wrong_share, model.confidence);
+  return details;
+}
+
 template <typename T>
 void AssignAll(const std::vector<int>& from, std::vector<T>& to) {
   for (const int value : from) to.push_back(static_cast<T>(value));
@@ -401,11 +425,15 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   model.confidence = ConfidenceOf(labels, tried.front());
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
   AddMapToModel(prepared.site, set, prepared.MapFeatures(), keyframes, options.model_map, model);
+  const TrainedDetails details = AddDetails(prepared, options, stages, model);
+  result.details_held_out = details.held_out;
   if (options.floor_plan) {
     const FloorPlan& plan = *options.floor_plan;
     model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};
   }
-  model.record = Record(set, options, prepared, tried).dump();
+  Json record = Record(set, options, prepared, tried);
+  if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
+  model.record = record.dump();
   return result;
 }
 

@@ -10,6 +10,7 @@
 #include "firmware_tools/mapping/floor_plan.h"
 #include "firmware_tools/mapping/model_map.h"
 #include "firmware_tools/mapping/site_map.h"
+#include "firmware_tools/training/details.h"
 #include "firmware_tools/training/feature_store.h"
 #include "firmware_tools/training/labels.h"
 #include "firmware_tools/training/score_training.h"
@@ -29,12 +30,13 @@ struct TrainOptions {
   std::optional<double> c;
   std::optional<double> beta;
   std::optional<bool> other_views_negative;
-  int folds = 4;          // of held-out blocks, >= 2
-  SiteMapOptions map;     // where landmarks come from
+  int folds = 4;       // of held-out blocks, >= 2
+  SiteMapOptions map;  // where landmarks come from
   // Of an image, for a map from photographs alone: more hold it together better than what a board
   // has time for. No fewer than features.max_features are taken. Given poses need no more.
   int map_features = 1500;
   ModelMapOptions model_map;
+  DetailOptions details;                // where there are no landmarks
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   std::uint64_t seed = 1;
   int jobs = 0;  // 0: all cores
@@ -79,6 +81,7 @@ std::vector<HeldOut> ChooseScoreOptions(const Preparation& prepared, const Train
 struct TrainResult {
   ModelData model;
   HeldOut chosen;  // the parameters taken, and how held-out blocks fared with them
+  std::vector<Outcome> details_held_out;  // of TrainedDetails; empty: no details
 };
 
 // The model of a prepared set. The same inputs give the same model, whatever `jobs` is.

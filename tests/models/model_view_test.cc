@@ -134,19 +134,48 @@ TEST(ModelView, MapsWithoutLandmarksAreStillCounted) {
   EXPECT_EQ(ModelView::Open(*file)->MapOf(9), 1);
 }
 
+TEST(ModelView, ReadsDetails) {
+  ModelData data = TinyModelData();
+  EXPECT_FALSE(ModelView::Open(*WriteModel(data))->has_details());
+  AddTinyDetails(data);
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  EXPECT_EQ(*WriteModel(data), *file);
+  const ModelView view = *ModelView::Open(*file);
+  ASSERT_TRUE(view.has_details());
+  const ModelDetails& details = view.details();
+  EXPECT_EQ(details.size, static_cast<int>(data.details.location.size()));
+  EXPECT_EQ(details.parts, data.details.parts);
+  EXPECT_THAT(details.codebook, ::testing::ElementsAreArray(data.details.codebook));
+  EXPECT_THAT(details.list_begin, ::testing::ElementsAreArray(data.details.list_begin));
+  EXPECT_THAT(details.location, ::testing::ElementsAreArray(data.details.location));
+  EXPECT_THAT(details.codes, ::testing::ElementsAreArray(data.details.codes));
+}
+
 TEST(ModelView, TinyModelsHaveNoLandmarks) {
   const Bytes file = TinyModel();
   EXPECT_FALSE(ModelView::Open(file)->has_landmarks());
 }
 
-class WholeModel : public ::testing::TestWithParam<bool> {
+enum class Holds { kNeither, kLandmarks, kDetails };
+
+class WholeModel : public ::testing::TestWithParam<Holds> {
  protected:
-  static Bytes File() { return GetParam() ? *WriteModel(MappedModelData()) : TinyModel(); }
+  static Bytes File() {
+    if (GetParam() == Holds::kLandmarks) return *WriteModel(MappedModelData());
+    ModelData data = TinyModelData();
+    if (GetParam() == Holds::kDetails) AddTinyDetails(data);
+    return *WriteModel(data);
+  }
 };
 
-INSTANTIATE_TEST_SUITE_P(ModelView, WholeModel, ::testing::Bool(), [](const auto& param) {
-  return param.param ? "with_landmarks" : "without";
-});
+INSTANTIATE_TEST_SUITE_P(ModelView, WholeModel,
+                         ::testing::Values(Holds::kNeither, Holds::kLandmarks, Holds::kDetails),
+                         [](const auto& param) {
+                           return param.param == Holds::kLandmarks ? "with_landmarks"
+                                  : param.param == Holds::kDetails ? "with_details"
+                                                                   : "without";
+                         });
 
 TEST_P(WholeModel, RefusesEveryTruncation) {
   const Bytes file = File();
@@ -210,6 +239,9 @@ TEST_P(WholeModel, SurvivesHostileBytesBehindAMatchingHash) {
     for (int p = 0; p < view->scoring().num_pairs; ++p) {
       ASSERT_LT(view->scoring().pair_location[p], view->scoring().num_locations);
       ASSERT_LT(view->scoring().pair_view[p], view->scoring().num_views);
+    }
+    for (const std::uint16_t l : view->details().location) {
+      ASSERT_LT(l, view->scoring().num_locations);
     }
     for (const std::uint32_t l : view->keyframes().landmarks) {
       ASSERT_LT(view->MapOf(l), view->landmarks().num_maps);
@@ -332,8 +364,9 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"sigma_negative", [](ModelData& d) { d.pixel_sigma = -1; }},
         Broken{"sigma_nan", [](ModelData& d) { d.pixel_sigma = kNan; }},
         Broken{"sigma_infinite", [](ModelData& d) { d.pixel_sigma = kInfinity; }},
-        Broken{"keyframes_without_landmark_table",
-               [](ModelData& d) { d.keyframe_landmark_begin.clear(), d.keyframe_landmarks.clear(); }},
+        Broken{
+            "keyframes_without_landmark_table",
+            [](ModelData& d) { d.keyframe_landmark_begin.clear(), d.keyframe_landmarks.clear(); }},
         Broken{"keyframe_landmarks_begin_late",
                [](ModelData& d) { d.keyframe_landmark_begin[0] = 1; }},
         Broken{"keyframe_landmarks_go_back",
@@ -351,8 +384,40 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"keyframe_of_two_maps", [](ModelData& d) { d.keyframe_landmarks[3] = 6; }},
         Broken{"keyframe_sees_without_pose",
                [](ModelData& d) { d.keyframe_landmark_begin[2] = 5; }},
-        Broken{"keyframe_lost_its_pose",
-               [](ModelData& d) { d.keyframe_has_pose[0] = 0; }}),
+        Broken{"keyframe_lost_its_pose", [](ModelData& d) { d.keyframe_has_pose[0] = 0; }}),
+    [](const auto& param) { return param.param.name; });
+
+class BrokenDetails : public ::testing::TestWithParam<Broken> {};
+
+TEST_P(BrokenDetails, AreRefused) {
+  ModelData data = TinyModelData();
+  AddTinyDetails(data);
+  ASSERT_TRUE(WriteModel(data).ok());
+  GetParam().break_it(data);
+  EXPECT_FALSE(WriteModel(data).ok());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Semantics, BrokenDetails,
+    ::testing::Values(
+        Broken{"no_parts", [](ModelData& d) { d.details.parts = 0; }},
+        Broken{"parts_do_not_divide", [](ModelData& d) { d.details.parts = 3; }},
+        Broken{"codebook_short", [](ModelData& d) { d.details.codebook.pop_back(); }},
+        Broken{"no_codebook", [](ModelData& d) { d.details.codebook.clear(); }},
+        Broken{"no_lists", [](ModelData& d) { d.details.list_begin.clear(); }},
+        Broken{"list_missing",
+               [](ModelData& d) { d.details.list_begin.erase(d.details.list_begin.begin() + 1); }},
+        Broken{"lists_begin_late", [](ModelData& d) { d.details.list_begin[0] = 1; }},
+        Broken{"lists_go_back",
+               [](ModelData& d) { std::swap(d.details.list_begin[1], d.details.list_begin[2]); }},
+        Broken{"list_beyond_the_end", [](ModelData& d) { d.details.list_begin[1] = 1000000; }},
+        Broken{"lists_end_early", [](ModelData& d) { --d.details.list_begin.back(); }},
+        Broken{"location_unknown", [](ModelData& d) { d.details.location.back() = 2; }},
+        Broken{"locations_descend",
+               [](ModelData& d) { std::swap(d.details.location[0], d.details.location[1]); }},
+        Broken{"location_missing", [](ModelData& d) { d.details.location.pop_back(); }},
+        Broken{"codes_short", [](ModelData& d) { d.details.codes.pop_back(); }},
+        Broken{"no_codes", [](ModelData& d) { d.details.codes.clear(); }}),
     [](const auto& param) { return param.param.name; });
 
 TEST(ModelView, LandmarksOfKeyframesWithoutAMapAreRefused) {

@@ -114,6 +114,25 @@ void AddTinyFloorPlan(ModelData& data) {
   data.floor_plan.site_from_pixel = {0.5, 0.25, -3, 7};
 }
 
+void AddTinyDetails(ModelData& data) {
+  std::mt19937 random(4);
+  data.details.parts = 8;
+  data.details.codebook.resize(std::size_t{kCodesOfPart} * data.features.descriptor_dim);
+  for (std::int8_t& value : data.details.codebook) {
+    value = static_cast<std::int8_t>(static_cast<int>(random() % 41) - 20);
+  }
+  data.details.list_begin = {0};
+  for (int list = 0; list < 2 * kWords; ++list) {
+    for (std::uint16_t location = 0; location < 2; ++location) {
+      data.details.location.push_back(location);
+      for (int p = 0; p < 8; ++p) {
+        data.details.codes.push_back(static_cast<std::uint8_t>(random()));
+      }
+    }
+    data.details.list_begin.push_back(static_cast<std::uint32_t>(data.details.location.size()));
+  }
+}
+
 std::vector<std::uint8_t> TinyModel() { return OrEnd(WriteModel(TinyModelData())); }
 
 }  // namespace viewfix

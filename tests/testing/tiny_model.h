@@ -24,4 +24,7 @@ void AddTinyMaps(ModelData& data);
 // Adds a plan of 20 x 10 pixels; no more of its picture than the beginning of a PNG.
 void AddTinyFloorPlan(ModelData& data);
 
+// Adds random details, two for each list, one of either location.
+void AddTinyDetails(ModelData& data);
+
 }  // namespace viewfix

@@ -5,6 +5,7 @@
 #include "engine/localizer.h"
 #include "tests/testing/allocation_counter.h"
 #include "tests/testing/landmark_site.h"
+#include "tests/testing/tiny_model.h"
 
 namespace viewfix {
 namespace {
@@ -33,6 +34,18 @@ TEST(LocalizerHeap, LocalizingAllocatesNothing) {
     EXPECT_TRUE(alone && tracked && lost && focal);
     EXPECT_FALSE(empty);
   }
+}
+
+TEST(LocalizerHeap, DetailsAllocateNothing) {
+  const LandmarkSite site = MakeLandmarkSite();
+  ModelData data = TinyModelData();
+  AddTinyDetails(data);
+  const auto file = *WriteModel(data);
+  Localizer localizer = std::move(*Localizer::Create(*ModelView::Open(file), {}));
+  const ImageView whole = {site.pixels.data(), site.width, site.height, site.width};
+  const int before = AllocationsSoFar();
+  for (int round = 0; round < 2; ++round) EXPECT_GE(localizer.Localize(whole)->location_idx, 0);
+  EXPECT_EQ(AllocationsSoFar(), before);
 }
 
 TEST(LocalizerHeap, TheWindowAllocatesNothing) {

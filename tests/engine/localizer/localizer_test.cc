@@ -226,6 +226,66 @@ TEST_F(LocalizerTest, APlaceFarFromAllIsUnknown) {
   EXPECT_FALSE(fix->localized);
   EXPECT_EQ(fix->reasons, kUnknownPlace);
   EXPECT_FALSE(fix->GuessIsRival());
+// A model whose details are the features of one image, all of the second location's.
+ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
+  ModelData data = TinyModelData();
+  FeatureOptions options;
+  options.max_image_side = data.features.max_image_side;
+  options.max_features = data.features.max_features;
+  auto extractor = CreateFeatureExtractor(options);
+  const int dim = data.features.descriptor_dim;
+  FeatureSet features(options.max_features, dim);
+  EXPECT_TRUE((*extractor)->Extract({pixels.data(), 320, 240, 320}, features).ok());
+  std::vector<std::uint16_t> words(features.size());
+  Vocabulary(data.words, dim).NearestWords(features.descriptors(), 1, words);
+  data.details.parts = 1;  // a code for each feature
+  data.details.codebook.resize(std::size_t{kCodesOfPart} * dim);
+  data.details.list_begin = {0};
+  for (int list = 0; list < 2 * static_cast<int>(data.words.size()) / dim; ++list) {
+    for (int i = 0; i < features.size(); ++i) {
+      const int dark = features.keypoints()[i].laplacian_sign < 0 ? 1 : 0;
+      if (2 * words[i] + dark != list) continue;
+      const std::size_t code = data.details.location.size();
+      for (int b = 0; b < dim; ++b) {
+        data.details.codebook[code * dim + b] = static_cast<std::int8_t>(
+            features.descriptor(i)[b] - data.words[std::size_t(words[i]) * dim + b]);
+      }
+      data.details.location.push_back(1);
+      data.details.codes.push_back(static_cast<std::uint8_t>(code));
+    }
+    data.details.list_begin.push_back(static_cast<std::uint32_t>(data.details.location.size()));
+  }
+  return data;
+}
+
+TEST_F(LocalizerTest, DetailsDecide) {
+  const auto pixels = Blocks(320, 240, 1);
+  ModelData data = DetailsOf(pixels);
+  data.bias = {50, 50, 0, 0};  // the scores say the first location
+  Localizer localizer = Make(data);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix.ok());
+  EXPECT_EQ(fix->location_idx, 1);
+  EXPECT_EQ(model_.scoring().pair_location[fix->pair_idx], 1);
+  EXPECT_EQ(model_.keyframes().pair[fix->keyframe_idx], fix->pair_idx);
+  EXPECT_GT(fix->num_inliers, fix->num_features * 9 / 10);
+  EXPECT_GT(fix->margin, 10);
+  EXPECT_EQ(fix->rival_evidence, 0);
+  EXPECT_EQ(fix->num_rivals, 0);
+}
+
+TEST_F(LocalizerTest, AFrameWithoutKnownDetailsIsRefused) {
+  ModelData data = DetailsOf(Blocks(320, 240, 1));
+  data.confidence = {.offset = -3, .slope = 2, .threshold = 0.5F};
+  Localizer localizer = Make(data);
+  std::vector<std::uint8_t> other(320 * 240);
+  for (int i = 0; i < 320 * 240; ++i) {
+    other[i] = static_cast<std::uint8_t>(128 + 100 * ((i % 320 - 160) / 40 % 2));
+  }
+  const auto fix = localizer.Localize({other.data(), 320, 240, 320});
+  ASSERT_TRUE(fix.ok());
+  EXPECT_FALSE(fix->localized);
+  EXPECT_NE(fix->reasons, 0U);
 }
 
 TEST_F(LocalizerTest, HostileImagesAreErrors) {

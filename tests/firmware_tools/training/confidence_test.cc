@@ -49,5 +49,35 @@ TEST(FitConfidence, DegenerateInputs) {
   EXPECT_TRUE(std::isfinite(curve.slope));
 }
 
+double ShareWrongOf(const std::vector<Outcome>& outcomes, const ModelConfidence& curve) {
+  int answered = 0, wrong = 0;
+  for (const Outcome& o : outcomes) {
+    const double confidence = 1 / (1 + std::exp(-(curve.offset + curve.slope * o.margin)));
+    if (confidence < curve.threshold) continue;
+    ++answered;
+    wrong += o.right ? 0 : 1;
+  }
+  return answered == 0 ? 0 : static_cast<double>(wrong) / answered;
+}
+
+TEST(LimitWrongAnswers, KeepsTheShareOfTheOutcomes) {
+  const std::vector<Outcome> outcomes = Draw(-1, 3, 5000);
+  for (const double share : {0.0, 0.01, 0.05}) {
+    ModelConfidence curve = FitConfidence(outcomes);
+    LimitWrongAnswers(outcomes, share, curve);
+    EXPECT_LE(ShareWrongOf(outcomes, curve), share);
+  }
+}
+
+TEST(LimitWrongAnswers, WhereNoneAreWrongTheThresholdStays) {
+  const std::vector<Outcome> right(10, Outcome{0.5, true});
+  ModelConfidence curve = FitConfidence(right);
+  LimitWrongAnswers(right, 0.005, curve);
+  EXPECT_EQ(curve.threshold, 0.5F);
+  ModelConfidence empty = FitConfidence({});
+  LimitWrongAnswers({}, 0.005, empty);
+  EXPECT_EQ(empty.threshold, 0.5F);
+}
+
 }  // namespace
 }  // namespace viewfix

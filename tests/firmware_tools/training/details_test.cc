@@ -1,0 +1,99 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#include "firmware_tools/training/details.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <random>
+#include <vector>
+
+namespace viewfix {
+namespace {
+
+constexpr int kDim = 16;
+constexpr int kLocations = 3;
+constexpr int kImages = 6;  // of each location
+constexpr int kFeatures = 40;
+
+// Images whose features are those of their location, a little off.
+class DetailsTest : public ::testing::Test {
+ protected:
+  DetailsTest() {
+    store_.dim = kDim;
+    const std::vector<std::int8_t> of_locations = Draw(kLocations * kFeatures, 70);
+    for (int l = 0; l < kLocations; ++l) {
+      for (int i = 0; i < kImages; ++i) {
+        ImageFeatures image;
+        image.keypoints.resize(kFeatures);
+        const std::vector<std::int8_t> noise = Draw(kFeatures, 3);
+        for (int b = 0; b < kFeatures * kDim; ++b) {
+          const int value = of_locations[l * kFeatures * kDim + b] + noise[b];
+          image.descriptors.push_back(static_cast<std::int8_t>(value));
+        }
+        image_idxs_.push_back(static_cast<int>(store_.images.size()));
+        locations_.push_back(l);
+        store_.images.push_back(image);
+      }
+    }
+    words_ = Draw(4, 30);
+  }
+
+  std::vector<std::int8_t> Draw(int rows, int limit) {
+    std::vector<std::int8_t> bytes(std::size_t(rows) * kDim);
+    for (std::int8_t& byte : bytes) {
+      byte = static_cast<std::int8_t>(static_cast<int>(random_() % (2 * limit + 1)) - limit);
+    }
+    return bytes;
+  }
+
+  TrainedDetails Train(const DetailOptions& options) const {
+    return TrainDetails({store_, image_idxs_, locations_, kLocations, words_, 2}, options, {});
+  }
+
+  std::mt19937 random_{1};
+  FeatureStore store_;
+  std::vector<int> image_idxs_;
+  std::vector<int> locations_;
+  std::vector<std::int8_t> words_;
+};
+
+TEST_F(DetailsTest, HeldOutImagesAreFound) {
+  const TrainedDetails details = Train({});
+  ASSERT_EQ(details.held_out.size(), std::size_t{kLocations} * kImages);
+  for (const Outcome& outcome : details.held_out) {
+    EXPECT_TRUE(outcome.right);
+    EXPECT_GT(outcome.margin, 1);
+  }
+}
+
+TEST_F(DetailsTest, FeaturesThatLookAlikeAreOneDetail) {
+  const TrainedDetails details = Train({});
+  EXPECT_LT(details.table.location.size(), 2 * kLocations * kFeatures);
+  const TrainedDetails all = Train({.merge_distance = 0});
+  EXPECT_EQ(all.table.location.size(), std::size_t{kLocations} * kImages * kFeatures);
+}
+
+TEST_F(DetailsTest, FitsItsRoom) {
+  const std::size_t bytes = 1000;
+  const TrainedDetails details = Train({.max_bytes = bytes, .merge_distance = 0});
+  EXPECT_GT(details.table.location.size(), 0U);
+  EXPECT_LE(details.table.location.size() * 10, bytes);
+  EXPECT_TRUE(Train({.max_bytes = 0}).table.location.empty());
+}
+
+TEST_F(DetailsTest, ThreadsDoNotChangeThem) {
+  const TrainedDetails one = Train({.jobs = 1});
+  const TrainedDetails three = Train({.jobs = 3});
+  EXPECT_EQ(one.table.codebook, three.table.codebook);
+  EXPECT_EQ(one.table.location, three.table.location);
+  EXPECT_EQ(one.table.codes, three.table.codes);
+}
+
+TEST_F(DetailsTest, TooFewFeaturesGiveNone) {
+  image_idxs_.resize(2);
+  locations_.resize(2);
+  EXPECT_TRUE(Train({}).table.location.empty());
+}
+
+}  // namespace
+}  // namespace viewfix
