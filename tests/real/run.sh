@@ -7,7 +7,7 @@
 # Looks for the image sets in $VIEWFIX_DATA, else ../shared/data; exits with 77
 # (skipped) where there are none. Needs build/host-release. Models, logs and
 # figures are left in build/real. --words: vocabulary for the IE Tower set
-# (default 8000, the chosen configuration).
+# (default 2000, the chosen configuration).
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
 
@@ -57,14 +57,14 @@ check_hololens() {
 check_ie_tower() {
   step "ie_tower, $1 words"
   train_and_eval ie_tower "ie_tower-$1" --words "$1"
-  if [[ $1 -eq 8000 ]]; then
-    at_least "ie_tower-$1" location.by_level.0 0.72
-    at_least "ie_tower-$1" location.accuracy 0.70
+  if [[ $1 -eq 2000 ]]; then
+    at_least "ie_tower-$1" location.by_level.0 0.86
+    at_least "ie_tower-$1" location.accuracy 0.86
   fi
 }
 
 main() {
-  local words=8000
+  local words=2000
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
