@@ -226,6 +226,8 @@ TEST_F(LocalizerTest, APlaceFarFromAllIsUnknown) {
   EXPECT_FALSE(fix->localized);
   EXPECT_EQ(fix->reasons, kUnknownPlace);
   EXPECT_FALSE(fix->GuessIsRival());
+}
+
 // A model whose details are the features of one image, all of the second location's.
 ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
   ModelData data = TinyModelData();
