@@ -22,7 +22,7 @@ struct ColmapOptions {
   // A model that needs no other trial: share of the frames that it registers, and of the loops'
   // matches that it contradicts. A bent map shows nowhere else.
   double min_registered = 0.9;
-  double max_open = 0.015;
+  double max_open = 0.025;
 };
 
 // The poses that COLMAP's mapper gives one connected set of frames.

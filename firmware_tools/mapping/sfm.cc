@@ -125,6 +125,7 @@ class Mapper {
   void DropOutliers(const Reconstruction& map, MapInput& posed) const {
     std::vector<std::vector<double>> errors(posed.frames.size());
     for (const VerifiedPair& pair : pairs_) {
+      if (static_cast<int>(pair.matches.size()) < options_.min_sure_matches) continue;
       const auto& first = posed.frames[pair.frames.first_idx].cam_from_world;
       const auto& second = posed.frames[pair.frames.second_idx].cam_from_world;
       if (!first || !second) continue;

@@ -28,6 +28,7 @@ struct SfmOptions {
   int min_frames = 10;  // of a map that is worth keeping
   int max_maps = 8;     // of places that are not connected
   double max_image_error_deg = 5;  // median disagreement of an image with its pairs' rotations
+  int min_sure_matches = 50;       // of a pair whose rotation is sure enough to judge by
   int min_image_points = 20;       // seen by an image that is kept
 };
 
