@@ -10,6 +10,11 @@ namespace {
 
 // Nothing is quite certain: the next frame may know better.
 constexpr double kMostCertain = 0.999;
+// How fast what was known fades, a frame: towards one half, that is to nothing. Walks through a
+// building at a frame a second change their area every 25 frames.
+constexpr double kFading = 0.05;
+// Poses farther apart contradict each other, a frame: a runner at three frames a second.
+constexpr double kMaxMetresPerFrame = 1;
 
 double Bounded(double confidence) { return std::clamp(confidence, 1 - kMostCertain, kMostCertain); }
 
@@ -21,13 +26,7 @@ double Posterior(double prior, double likelihood) {
 
 }  // namespace
 
-Status FixFilterOptions::Validate() const {
-  const bool valid = fading >= 0 && fading <= 1 && max_metres_per_frame > 0;
-  return valid ? Status() : Status(StatusCode::kInvalidArgument, "filter option out of range");
-}
-
-FixFilter::FixFilter(const ModelView& model, const FixFilterOptions& options)
-    : model_(model), options_(options) {}
+FixFilter::FixFilter(const ModelView& model) : model_(model) {}
 
 void FixFilter::Apply(std::uint64_t sequence, Fix& fix) {
   Fade(sequence);
@@ -41,7 +40,7 @@ void FixFilter::Apply(std::uint64_t sequence, Fix& fix) {
 void FixFilter::Fade(std::uint64_t sequence) {
   if (place_ && (sequence <= now_ || sequence - place_->sequence > kMaxGap)) place_.reset();
   if (place_) {
-    for (; now_ < sequence; ++now_) belief_ = 0.5 + (belief_ - 0.5) * (1 - options_.fading);
+    for (; now_ < sequence; ++now_) belief_ = 0.5 + (belief_ - 0.5) * (1 - kFading);
   }
   now_ = sequence;
 }
@@ -54,8 +53,7 @@ bool FixFilter::Agrees(std::uint64_t sequence, const Fix& fix) const {
   const Fix& before = place_->fix;
   if (fix.has_pose && before.has_pose && fix.map_idx == before.map_idx &&
       model_.metric(fix.map_idx)) {
-    const double reach =
-        options_.max_metres_per_frame * static_cast<double>(sequence - place_->sequence);
+    const double reach = kMaxMetresPerFrame * static_cast<double>(sequence - place_->sequence);
     return (fix.world_from_cam.translation - before.world_from_cam.translation).norm() <= reach;
   }
   const int common = CommonLevels(model_.location_name(fix.location_idx),

@@ -4,23 +4,11 @@
 #include <cstdint>
 #include <optional>
 
-#include "engine/base/status.h"
 #include "engine/localizer.h"
 #include "engine/pose/motion_model.h"
 #include "models/model_view.h"
 
 namespace viewfix {
-
-struct FixFilterOptions {
-  // How fast what was known fades, a frame: towards one half, that is to nothing, 0..1. Walks
-  // through a building at a frame a second change their area every 25 frames.
-  double fading = 0.05;
-  // Poses farther apart contradict each other, metres a frame, > 0: a runner at three frames a
-  // second.
-  double max_metres_per_frame = 1;
-
-  Status Validate() const;
-};
 
 // Agreement over the frames of one stream. Of two frames that follow each other, either the second
 // shows the place where the camera was, or another that is mistaken for it: by Bayes' rule, with
@@ -29,7 +17,7 @@ struct FixFilterOptions {
 //     agreement      p c / (p c + (1 - p) (1 - c))           never less than c, for p >= 1/2
 //     contradiction  (1 - p) c / ((1 - p) c + p (1 - c))     never more
 //
-// and p fades by each frame: p - 1/2 is multiplied by 1 - fading. Only two hypotheses, because
+// and p fades by each frame: p - 1/2 is multiplied by 0.95. Only two hypotheses, because
 // frames are no independent witnesses: what one is mistaken for, the next will be too.
 // Two frames agree if their poses, in one metric map, are within reach; where either has none, if
 // their locations are the same, as far as both are answered. An area is not surer for the floor's
@@ -43,8 +31,8 @@ class FixFilter {
   // So many frames later nothing is known any more.
   static constexpr std::uint64_t kMaxGap = MotionModel::kMaxGap;
 
-  // `model` is borrowed and must outlive the filter; `options` are valid.
-  explicit FixFilter(const ModelView& model, const FixFilterOptions& options = {});
+  // `model` is borrowed and must outlive the filter.
+  explicit FixFilter(const ModelView& model);
 
   // `fix` of frame `sequence`; where numbers do not grow, the stream begins anew.
   void Apply(std::uint64_t sequence, Fix& fix);
@@ -64,7 +52,6 @@ class FixFilter {
   void Withhold(Fix& fix) const;
 
   const ModelView& model_;
-  FixFilterOptions options_;
   std::optional<Place> place_;  // where the camera was
   double belief_ = 0;           // in it, at frame now_
   std::uint64_t now_ = 0;

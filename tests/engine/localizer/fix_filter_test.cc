@@ -3,8 +3,6 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
-
 #include "models/model_writer.h"
 #include "tests/testing/tiny_model.h"
 
@@ -199,17 +197,6 @@ TEST_F(FixFilterTest, CertaintyIsNeverFinal) {
   int frames = 0;
   while (!Next(50 + frames, At(kLobby, 1)).localized) ++frames;
   EXPECT_LE(frames, 1);
-}
-
-TEST_F(FixFilterTest, OptionsAreChecked) {
-  EXPECT_TRUE(FixFilterOptions().Validate().ok());
-  const double nan = std::numeric_limits<double>::quiet_NaN();
-  for (const double wrong : {-0.1, 1.1, nan}) {
-    EXPECT_FALSE(FixFilterOptions{.fading = wrong}.Validate().ok()) << wrong;
-  }
-  for (const double wrong : {0.0, -1.0, nan}) {
-    EXPECT_FALSE(FixFilterOptions{.max_metres_per_frame = wrong}.Validate().ok()) << wrong;
-  }
 }
 
 }  // namespace
