@@ -197,7 +197,7 @@ struct Localizer::State {
   void TakePose(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
-  void LocateByScore(Fix& fix);
+  void LocateByScore(Fix& fix) const;
   void LocateByDetails(Fix& fix);
   void FindDetailRivals(Fix& fix) const;
   void ClearScores();
@@ -463,8 +463,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.confidence = std::min(fix.confidence, inliers / (inliers + kDoubtfulInliers));
 }
 
-void Localizer::State::LocateByScore(Fix& fix) {
-  Score(fix);
+void Localizer::State::LocateByScore(Fix& fix) const {
   FindRivals(fix);
   Decide(fix);
 }
@@ -493,8 +492,6 @@ void Localizer::State::LocateByDetails(Fix& fix) {
   places->Weigh(features.descriptors(), features.keypoints(),
                 {words.data(), std::size_t(features.size()) * per_feature}, per_feature);
   const PlaceEvidence::Best best = places->FindBest();
-  fix.reasons = 0;
-  fix.num_rivals = 0;
   fix.evidence = best.evidence;
   fix.rival_evidence = best.rival_evidence;
   fix.margin = best.margin;
@@ -562,7 +559,8 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
     fix.ms.pose = Milliseconds(s.Now() - now);
     now = s.Now();
     if (!tracked) {
-      s.LocateByScore(fix);
+      s.Score(fix);
+      if (!s.places) s.LocateByScore(fix);
       fix.ms.score = Milliseconds(s.Now() - now);
       now = s.Now();
       if (s.places) s.LocateByDetails(fix);
