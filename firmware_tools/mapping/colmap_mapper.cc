@@ -225,14 +225,12 @@ double OpenLoopShare(const MapInput& input, std::span<const VerifiedPair> pairs,
     images[f] = found->second;
     bearings[f] = Bearings(map.cameras[images[f]->camera_idx], *input.frames[f].features);
   }
-  const std::vector<int> position = PositionsInCapture(input);
+  const CaptureOrder order(input);
   std::size_t asked = 0, open = 0;
   for (const VerifiedPair& pair : pairs) {
     const auto [first, second] = pair.frames;
     if (!images[first] || !images[second]) continue;
-    const bool is_loop = input.frames[first].capture != input.frames[second].capture ||
-                         std::abs(position[first] - position[second]) > kNeighbours;
-    if (!is_loop) continue;
+    if (!order.AreApart(first, second, kNeighbours)) continue;
     const Rigid3 second_from_first =
         images[second]->cam_from_world * Inverse(images[first]->cam_from_world);
     const Camera& camera = map.cameras[images[first]->camera_idx];

@@ -20,7 +20,7 @@ struct ColmapOptions {
   bool refine_focal = false;
   int max_trials = 3;  // initial pairs tried before the best model is taken
   // A model that needs no other trial: share of the frames that it registers, and of the loops'
-  // matches that it contradicts. A bent map shows nowhere else.
+  // matches that it contradicts: a loop left open shows nowhere else.
   double min_registered = 0.9;
   double max_open = 0.025;
 };

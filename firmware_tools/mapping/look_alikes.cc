@@ -28,8 +28,7 @@ class LookAlikes {
  public:
   LookAlikes(const MapInput& input, std::span<const VerifiedPair> pairs,
              const LookAlikeOptions& options)
-      : input_(input), pairs_(pairs), options_(options) {
-    position_ = PositionsInCapture(input);
+      : input_(input), pairs_(pairs), options_(options), order_(input) {
     CountConfirmed();
   }
 
@@ -51,10 +50,7 @@ class LookAlikes {
   }
 
  private:
-  bool AreNeighbours(int a, int b) const {
-    return input_.frames[a].capture == input_.frames[b].capture &&
-           std::abs(position_[a] - position_[b]) <= options_.window;
-  }
+  bool AreNeighbours(int a, int b) const { return !order_.AreApart(a, b, options_.window); }
 
   // Key points that neighbouring frames see too: they belong to the place, not to noise.
   void CountConfirmed() {
@@ -147,7 +143,7 @@ class LookAlikes {
   const MapInput& input_;
   std::span<const VerifiedPair> pairs_;
   const LookAlikeOptions& options_;
-  std::vector<int> position_;                // [frames] in their capture
+  CaptureOrder order_;
   std::vector<std::vector<int>> confirmed_;  // [frames][cells] confirmed key points
 };
 

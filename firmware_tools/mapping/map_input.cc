@@ -2,6 +2,7 @@
 #include "firmware_tools/mapping/map_input.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <map>
 #include <string>
 
@@ -88,11 +89,14 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
   return input;
 }
 
-std::vector<int> PositionsInCapture(const MapInput& input) {
+CaptureOrder::CaptureOrder(const MapInput& input) : input_(input) {
   std::map<std::string, int> count;
-  std::vector<int> positions;
-  for (const MapFrame& frame : input.frames) positions.push_back(count[frame.capture]++);
-  return positions;
+  for (const MapFrame& frame : input.frames) position_.push_back(count[frame.capture]++);
+}
+
+bool CaptureOrder::AreApart(int a, int b, int window) const {
+  return input_.frames[a].capture != input_.frames[b].capture ||
+         std::abs(position_[a] - position_[b]) > window;
 }
 
 double PixelsPerNominal(const Camera& camera) {

@@ -45,8 +45,18 @@ struct FramePair {
 MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
                       std::span<const int> image_idxs);
 
-// [frames] the how many-th of its capture a frame is, from 0.
-std::vector<int> PositionsInCapture(const MapInput& input);
+// Which frames were taken one soon after the other. Refers to the input, which must live longer.
+class CaptureOrder {
+ public:
+  explicit CaptureOrder(const MapInput& input);
+
+  // Of different captures, or more than `window` frames apart in one.
+  bool AreApart(int a, int b, int window) const;
+
+ private:
+  const MapInput& input_;
+  std::vector<int> position_;  // [frames] in their capture
+};
 
 // Pixels of an image of 640 pixels a side, in which thresholds are stated, to pixels of this
 // camera.

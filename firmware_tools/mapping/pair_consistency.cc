@@ -23,8 +23,7 @@ class Consistency {
  public:
   Consistency(const MapInput& input, std::span<const VerifiedPair> pairs,
               const ConsistencyOptions& options)
-      : input_(input), pairs_(pairs), options_(options), kept_(pairs.size(), true) {
-    position_ = PositionsInCapture(input);
+      : input_(input), pairs_(pairs), options_(options), order_(input), kept_(pairs.size(), true) {
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       pair_of_[pairs[i].frames] = static_cast<int>(i);
     }
@@ -66,13 +65,8 @@ class Consistency {
         }));
   }
 
-  bool AreApart(int a, int b, int window) const {
-    return input_.frames[a].capture != input_.frames[b].capture ||
-           std::abs(position_[a] - position_[b]) > window;
-  }
-
   bool IsFarApart(const VerifiedPair& pair) const {
-    return AreApart(pair.frames.first_idx, pair.frames.second_idx, options_.window);
+    return order_.AreApart(pair.frames.first_idx, pair.frames.second_idx, options_.window);
   }
 
   // Frames a < b < c whose three pairs were all verified.
@@ -136,7 +130,7 @@ class Consistency {
   int OtherPlaces(const std::vector<int>& matched, const FramePair& pair) const {
     std::vector<int> places;
     for (const int frame : matched) {
-      const auto near = [&](int place) { return !AreApart(frame, place, kPlace); };
+      const auto near = [&](int place) { return !order_.AreApart(frame, place, kPlace); };
       if (near(pair.first_idx) || near(pair.second_idx)) continue;
       if (std::none_of(places.begin(), places.end(), near)) places.push_back(frame);
     }
@@ -170,7 +164,7 @@ class Consistency {
   const MapInput& input_;
   std::span<const VerifiedPair> pairs_;
   const ConsistencyOptions& options_;
-  std::vector<int> position_;  // [frames] in their capture
+  CaptureOrder order_;
   std::map<FramePair, int> pair_of_;
   std::vector<Loop> loops_;
   std::vector<bool> kept_;  // [pairs]

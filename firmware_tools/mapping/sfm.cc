@@ -105,9 +105,7 @@ class Mapper {
         known.push_back(frames);
       }
     }
-    TwoViewOptions two_view = options_.two_view;
-    two_view.max_error_known_px = options_.max_match_error_px;
-    return VerifyPairs(posed, known, two_view, jobs_, Open(stages_, "matching again"));
+    return VerifyPairs(posed, known, options_.two_view, jobs_, Open(stages_, "matching again"));
   }
 
   TriangulateOptions Adjusting() const {

@@ -14,14 +14,13 @@
 namespace viewfix {
 
 struct SfmOptions {
-  TwoViewOptions two_view;
+  TwoViewOptions two_view{.max_error_known_px = 1.5};  // where COLMAP has given the poses
   ConsistencyOptions consistency;
   LookAlikeOptions look_alikes;
   ColmapOptions colmap;
   // While poses are adjusted: observations and matches that are off by more, and points of small
   // angles, bend a walk by centimetres although each of them errs by little.
   TriangulateOptions adjusting{.max_error_px = 2, .min_angle_deg = 3, .adjustments = 2};
-  double max_match_error_px = 1.5;
   TriangulateOptions triangulate;  // of the map, once its poses stand
   RegisterOptions registration;
   int refinements = 2;  // rounds of: match under the poses, triangulate, adjust, register
@@ -41,8 +40,8 @@ struct SfmResult {
 // show places which only look alike, are put aside (KeepConsistentPairs(), DropLookAlikes());
 // COLMAP's mapper makes poses from the rest; under them frames are matched again, points
 // triangulated and adjusted together with the poses (COLMAP's own result can be bent), images
-// that contradict their pairs dropped, missed frames registered, and points triangulated anew. Frames that are left make
-// maps of their own where they can. Poses in `input` are not used.
+// that contradict their pairs dropped, missed frames registered, and points triangulated anew.
+// Frames that are left make maps of their own where they can. Poses in `input` are not used.
 //   candidates  pairs of frames that may show the same: SelectPairs()
 //   pairs       those of them that VerifyPairs() kept
 // `stages` opens a stage of progress; may be empty. Throws ToolError where there is no map at
