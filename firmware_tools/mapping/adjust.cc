@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "firmware_tools/mapping/map_input.h"
+#include "firmware_tools/mapping/rolling_shutter.h"
 
 namespace viewfix {
 namespace {
@@ -20,6 +21,7 @@ Eigen::Map<Eigen::Vector2d> Vector2(double* numbers) {
 Eigen::Map<Eigen::Vector3d> Vector3(double* numbers) {
   return Eigen::Map<Eigen::Vector3d>(numbers);
 }
+constexpr double kMaxReadout = 1;         // rows are read within one frame
 using PoseBlock = std::array<double, 7>;  // quaternion x y z w, translation
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& v) {
@@ -75,24 +77,35 @@ class PoseManifold : public ceres::Manifold {
 };
 
 // Reprojection error in units of the nominal pixel. Blocks: pose 7, point 3, factor on the
-// focal length 1.
-class ReprojectionCost : public ceres::SizedCostFunction<2, 7, 3, 1> {
+// focal length 1, readout of the rolling shutter 1.
+class ReprojectionCost : public ceres::SizedCostFunction<2, 7, 3, 1, 1> {
  public:
-  ReprojectionCost(const Camera& camera, const Eigen::Vector2d& pixel)
-      : camera_(camera), pixel_(pixel), weight_(1 / PixelsPerNominal(camera)) {}
+  // Refers to camera and image. `rolls`: the image's motion counts.
+  ReprojectionCost(const Camera& camera, const MapImage& image, const Eigen::Vector2d& pixel,
+                   bool rolls)
+      : camera_(camera),
+        image_(image),
+        pixel_(pixel),
+        weight_(1 / PixelsPerNominal(camera)),
+        row_(rolls ? RowOffset(camera, pixel.y()) : 0) {}
 
   bool Evaluate(double const* const* blocks, double* residuals, double** jacobians) const override {
     const Rigid3 cam_from_world = ReadPose(blocks[0]);
     const Eigen::Vector3d turned =
         cam_from_world.rotation * Eigen::Map<const Eigen::Vector3d>(blocks[1]);
     const double factor = blocks[2][0];
+    const Eigen::Vector3d at_middle_row = turned + cam_from_world.translation;
+    const Eigen::Vector3d moved = row_ * image_.motion.OfPoint(at_middle_row);
+    const double time = blocks[3][0] - image_.readout;
     Eigen::Vector2d projected;
     Eigen::Matrix<double, 2, 3> in_cam;
-    if (!camera_.Project(turned + cam_from_world.translation, projected, &in_cam)) return false;
+    if (!camera_.Project(at_middle_row + time * moved, projected, &in_cam)) return false;
     const Eigen::Vector2d from_center = projected - Eigen::Vector2d(camera_.cx, camera_.cy);
     Vector2(residuals) = weight_ * (projected + (factor - 1) * from_center - pixel_);
     if (!jacobians) return true;
     in_cam *= weight_ * factor;
+    if (jacobians[3]) Vector2(jacobians[3]) = in_cam * moved;
+    in_cam *= Eigen::Matrix3d::Identity() + time * row_ * Cross(image_.motion.turn);
     if (jacobians[0]) {
       Eigen::Map<RowMatrix27>(jacobians[0]) << -in_cam * Cross(turned), in_cam,
           Eigen::Vector2d::Zero();
@@ -107,8 +120,10 @@ class ReprojectionCost : public ceres::SizedCostFunction<2, 7, 3, 1> {
 
  private:
   const Camera& camera_;
+  const MapImage& image_;
   Eigen::Vector2d pixel_;
   double weight_;
+  double row_;
 };
 
 // Holds a pose to the one that came in, in units of sigma.
@@ -152,12 +167,14 @@ class Bundle {
       : map_(map), options_(options), problem_(ProblemOptions()), loss_(options.loss_px) {
     for (const MapImage& image : map.images) poses_.push_back(WritePose(image.cam_from_world));
     factors_.assign(map.cameras.size(), 1.0);
+    readouts_.assign(map.cameras.size(), 0.0);
+    for (const MapImage& image : map.images) {
+      double& readout = readouts_[image.camera_idx];
+      if (std::abs(image.readout) > std::abs(readout)) readout = image.readout;
+    }
     for (MapPoint& point : map.points) AddPoint(point);
     HoldPoses();
-    if (options.focal) return;
-    for (double& factor : factors_) {
-      if (problem_.HasParameterBlock(&factor)) problem_.SetParameterBlockConstant(&factor);
-    }
+    for (std::size_t c = 0; c < factors_.size(); ++c) HoldCamera(c);
   }
 
   AdjustReport Solve() {
@@ -165,7 +182,9 @@ class Bundle {
     options.linear_solver_type = ceres::SPARSE_SCHUR;
     options.max_num_iterations = options_.max_iterations;
     options.num_threads = 1;
-    options.function_tolerance = 1e-5;
+    options.function_tolerance = options_.function_tolerance;
+    // The scale is free: with no damping at all the equations would be singular.
+    options.max_trust_region_radius = 1e5;
     options.logging_type = ceres::SILENT;
     options.linear_solver_ordering.reset(Ordering());
     ceres::Solver::Summary summary;
@@ -188,9 +207,10 @@ class Bundle {
     for (const Observation& seen : point.track) {
       const MapImage& image = map_.images[seen.image_idx];
       problem_.AddResidualBlock(
-          new ReprojectionCost(map_.cameras[image.camera_idx], image.keypoints[seen.feature_idx]),
-          &loss_, poses_[seen.image_idx].data(), point.position.data(),
-          &factors_[image.camera_idx]);
+          new ReprojectionCost(map_.cameras[image.camera_idx], image,
+                               image.keypoints[seen.feature_idx], options_.readout),
+          &loss_, poses_[seen.image_idx].data(), point.position.data(), &factors_[image.camera_idx],
+          &readouts_[image.camera_idx]);
     }
   }
 
@@ -209,6 +229,16 @@ class Bundle {
     }
   }
 
+  void HoldCamera(std::size_t camera_idx) {
+    double* factor = &factors_[camera_idx];
+    double* readout = &readouts_[camera_idx];
+    if (!problem_.HasParameterBlock(factor)) return;
+    if (!options_.focal) problem_.SetParameterBlockConstant(factor);
+    if (!options_.readout) return problem_.SetParameterBlockConstant(readout);
+    problem_.SetParameterLowerBound(readout, 0, -kMaxReadout);
+    problem_.SetParameterUpperBound(readout, 0, kMaxReadout);
+  }
+
   ceres::ParameterBlockOrdering* Ordering() {
     auto* ordering = new ceres::ParameterBlockOrdering;
     for (MapPoint& point : map_.points) {
@@ -217,8 +247,10 @@ class Bundle {
     for (PoseBlock& pose : poses_) {
       if (problem_.HasParameterBlock(pose.data())) ordering->AddElementToGroup(pose.data(), 1);
     }
-    for (double& factor : factors_) {
-      if (problem_.HasParameterBlock(&factor)) ordering->AddElementToGroup(&factor, 1);
+    for (std::vector<double>* of_cameras : {&factors_, &readouts_}) {
+      for (double& value : *of_cameras) {
+        if (problem_.HasParameterBlock(&value)) ordering->AddElementToGroup(&value, 1);
+      }
     }
     return ordering;
   }
@@ -231,6 +263,7 @@ class Bundle {
       map_.cameras[i].fx *= factors_[i];
       map_.cameras[i].fy *= factors_[i];
     }
+    if (options_.readout) Unroll(readouts_, map_);
   }
 
   Reconstruction& map_;
@@ -240,6 +273,7 @@ class Bundle {
   ceres::CauchyLoss loss_;
   std::vector<PoseBlock> poses_;  // [images]
   std::vector<double> factors_;   // [cameras] on the focal length
+  std::vector<double> readouts_;  // [cameras]
 };
 
 }  // namespace

@@ -8,6 +8,9 @@ namespace viewfix {
 struct AdjustOptions {
   bool poses = false;  // else only points move
   bool focal = false;  // one factor on fx and fy of each camera
+  // One readout of each camera's rolling shutter, within one frame (rolling_shutter.h): key points
+  // are moved to where the middle row's pose sees them. MapImage::motion must be set.
+  bool readout = false;
   // How sure the poses that came in are; they keep the frame. 0: not held to them at all,
   // the frame then is that of the first image.
   double position_sigma = 0;  // world units
@@ -15,6 +18,7 @@ struct AdjustOptions {
   // Beyond this, errors count less (Cauchy); of an image of 640 pixels a side.
   double loss_px = 1.0;
   int max_iterations = 30;
+  double function_tolerance = 1e-5;  // of the cost, relative
 };
 
 struct AdjustReport {

@@ -3,7 +3,9 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <map>
+#include <numeric>
 #include <string>
 
 #include "firmware_tools/dataset/calibration_file.h"
@@ -44,6 +46,49 @@ Camera CameraOf(const ImageSet& set, const ImageRecord& image, const ImageFeatur
   return camera;
 }
 
+// The number that a file's name ends in. None: it ends in none, or in one that is no number.
+std::optional<double> NumberOf(const std::string& path) {
+  const std::string stem = std::filesystem::path(path).stem().string();
+  const std::size_t begin = stem.find_last_not_of("0123456789") + 1;
+  if (begin == stem.size() || stem.size() - begin > 15) return std::nullopt;
+  return std::stod(stem.substr(begin));
+}
+
+// Of the images of one walk, in units of the median step: the numbers in their names where those
+// ascend (a set may hold every third frame, or name them by time), else their order.
+std::vector<double> TimesOfWalk(const ImageSet& set, std::span<const int> images) {
+  std::vector<double> times, steps;
+  for (const int i : images) {
+    const auto number = NumberOf(set.images[i].path);
+    if (!number || (!times.empty() && *number <= times.back())) break;
+    if (!times.empty()) steps.push_back(*number - times.back());
+    times.push_back(*number);
+  }
+  if (times.size() < images.size() || steps.empty()) {
+    times.resize(images.size());
+    std::iota(times.begin(), times.end(), 0.0);
+    return times;
+  }
+  const auto middle = steps.begin() + static_cast<std::ptrdiff_t>(steps.size() / 2);
+  std::nth_element(steps.begin(), middle, steps.end());
+  for (double& time : times) time /= *middle;
+  return times;
+}
+
+// [images] in their walks.
+std::vector<double> TimesOf(const ImageSet& set) {
+  std::map<std::string, std::vector<int>> walks;
+  for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
+    walks[set.images[i].capture].push_back(i);
+  }
+  std::vector<double> times(set.images.size());
+  for (const auto& [capture, images] : walks) {
+    const std::vector<double> of_walk = TimesOfWalk(set, images);
+    for (std::size_t i = 0; i < images.size(); ++i) times[images[i]] = of_walk[i];
+  }
+  return times;
+}
+
 std::string CountOf(int images, const char* what) {
   std::string text = std::to_string(images);
   return text.append(images == 1 ? " image" : " images").append(what);
@@ -70,6 +115,7 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
                       std::span<const int> image_idxs) {
   MapInput input;
   Guesses guesses;
+  const std::vector<double> times = TimesOf(set);
   for (const int image_idx : image_idxs) {
     const ImageRecord& record = set.images[image_idx];
     const ImageFeatures& found = features.images[image_idx];
@@ -77,9 +123,11 @@ MapInput MakeMapInput(const ImageSet& set, const FeatureStore& features,
     const Camera camera = CameraOf(set, record, found, guesses);
     MapFrame frame{.name = record.path,
                    .capture = record.capture,
+                   .time = times[image_idx],
                    .camera_idx = AddCamera(camera, input.cameras),
                    .features = &found,
-                   .cam_from_world = {}};
+                   .cam_from_world = {},
+                   .readout = 0};
     if (record.pose) {
       frame.cam_from_world = Inverse({record.pose->world_from_cam, record.pose->cam_in_world});
     }

@@ -17,9 +17,11 @@ namespace viewfix {
 struct MapFrame {
   std::string name;     // path relative to the image set's folder
   std::string capture;  // the walk it belongs to
+  double time = 0;      // in its walk, in frames: those that are left out count
   int camera_idx = 0;   // into MapInput::cameras
   const ImageFeatures* features = nullptr;
   std::optional<Rigid3> cam_from_world;  // where the pose is known
+  double readout = 0;  // of a rolling shutter that the key points were rid of (rolling_shutter.h)
 };
 
 // What maps are made of: frames in the order they were taken, and their cameras at the size

@@ -10,6 +10,16 @@
 
 namespace viewfix {
 
+// How points move in a camera's frame while it walks, per frame of the walk.
+struct ShutterMotion {
+  Eigen::Vector3d turn = Eigen::Vector3d::Zero();   // rotation vector
+  Eigen::Vector3d shift = Eigen::Vector3d::Zero();  // world units
+
+  Eigen::Vector3d OfPoint(const Eigen::Vector3d& in_cam) const {
+    return turn.cross(in_cam) + shift;
+  }
+};
+
 // One photograph of a reconstruction.
 struct MapImage {
   std::string name;     // path relative to the image set's folder
@@ -17,6 +27,10 @@ struct MapImage {
   Rigid3 cam_from_world;
   std::vector<Eigen::Vector2d> keypoints;  // pixels of the camera, centres at integers
   std::vector<int> point_idx;              // [keypoints] into Reconstruction::points; -1: none
+  // Of a rolling shutter (rolling_shutter.h): how the camera moved, and the readout that the key
+  // points have been rid of.
+  ShutterMotion motion = {};
+  double readout = 0;
 };
 
 struct Observation {

@@ -79,10 +79,27 @@ class Mapper {
   }
 
  private:
-  // Poses and cameras of a map.
-  static void Take(const Reconstruction& map, MapInput& posed) {
+  // Poses and cameras of a map, and its key points.
+  void Take(const Reconstruction& map, MapInput& posed) {
     posed.cameras = CamerasOf(map, posed);
     TakePoses(map, posed);
+    std::size_t image = 0;
+    unrolled_.resize(posed.frames.size());
+    for (std::size_t f = 0; f < posed.frames.size(); ++f) {
+      if (posed.frames[f].cam_from_world) TakeKeypoints(map.images[image++], f, posed.frames[f]);
+    }
+  }
+
+  void TakeKeypoints(const MapImage& image, std::size_t frame_idx, MapFrame& frame) {
+    if (image.readout == frame.readout) return;
+    ImageFeatures& unrolled = unrolled_[frame_idx];
+    if (frame.features != &unrolled) unrolled = *frame.features;
+    for (std::size_t k = 0; k < image.keypoints.size(); ++k) {
+      unrolled.keypoints[k].x = static_cast<float>(image.keypoints[k].x());
+      unrolled.keypoints[k].y = static_cast<float>(image.keypoints[k].y());
+    }
+    frame.features = &unrolled;
+    frame.readout = image.readout;
   }
 
   // COLMAP keeps the cameras' order, unless one has no image.
@@ -157,6 +174,7 @@ class Mapper {
   const SfmOptions& options_;
   int jobs_;
   const Stages& stages_;
+  std::vector<ImageFeatures> unrolled_;  // [frames] rid of the rolling shutter
 };
 
 // Frames of the largest set that pairs connect, of those taken.

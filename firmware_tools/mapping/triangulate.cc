@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "firmware_tools/mapping/map_points.h"
+#include "firmware_tools/mapping/rolling_shutter.h"
 #include "firmware_tools/mapping/tracks.h"
 
 namespace viewfix {
@@ -52,17 +53,18 @@ class MapMaker {
       const MapFrame& frame = input.frames[f];
       if (!frame.cam_from_world) continue;
       image_of_[f] = static_cast<int>(map_.images.size());
-      MapImage image{.name = frame.name,
-                     .camera_idx = frame.camera_idx,
-                     .cam_from_world = *frame.cam_from_world,
-                     .keypoints = {},
-                     .point_idx = {}};
+      MapImage image;
+      image.name = frame.name;
+      image.camera_idx = frame.camera_idx;
+      image.cam_from_world = *frame.cam_from_world;
+      image.readout = frame.readout;
       for (const Keypoint& keypoint : frame.features->keypoints) {
         image.keypoints.push_back(Pixel(keypoint));
       }
       map_.images.push_back(std::move(image));
       features_.push_back(frame.features);
     }
+    SetMotions(input, map_);
     if (map_.images.size() < 2) throw ToolError("map: fewer than two images with a pose");
   }
 

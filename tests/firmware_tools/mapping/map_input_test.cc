@@ -49,6 +49,30 @@ TEST_F(MapInputTest, ExifIsTheFirstGuess) {
   EXPECT_THAT(input.warnings.at(0), HasSubstr("1 image without a calibration: EXIF"));
 }
 
+TEST_F(MapInputTest, TimesAreTheNumbersInNames) {
+  set_.images[0].path = "walk/00010.jpg";
+  for (const char* path : {"walk/00013.jpg", "walk/00016.jpg", "walk/00022.jpg"}) {
+    set_.images.push_back(set_.images[0]);
+    set_.images.back().path = path;
+    features_.images.push_back(features_.images[0]);
+  }
+  const std::vector<int> used = {0, 1, 3};  // the third is left out, and counts
+  const MapInput input = MakeMapInput(set_, features_, used);
+  EXPECT_NEAR(input.frames[1].time - input.frames[0].time, 1, 1e-12);
+  EXPECT_NEAR(input.frames[2].time - input.frames[1].time, 3, 1e-12);
+}
+
+TEST_F(MapInputTest, TimesAreTheOrderWhereNumbersDoNotAscend) {
+  for (const char* path : {"b3.jpg", "b2.jpg"}) {
+    set_.images.push_back(set_.images[0]);
+    set_.images.back().path = path;
+    features_.images.push_back(features_.images[0]);
+  }
+  const std::vector<int> used = {0, 2};
+  const MapInput input = MakeMapInput(set_, features_, used);
+  EXPECT_EQ(input.frames[1].time - input.frames[0].time, 2);
+}
+
 TEST_F(MapInputTest, TheLastGuessIsSaid) {
   const MapInput input = Make();
   EXPECT_TRUE(input.focal_is_guess);

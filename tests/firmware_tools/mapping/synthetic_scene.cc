@@ -24,11 +24,29 @@ SyntheticScene::SyntheticScene(const SceneOptions& options) : random_(options.se
   for (int f = 0; f < options.num_frames; ++f) AddFrame(f, options);
 }
 
-void SyntheticScene::AddFrame(int frame, const SceneOptions& options) {
-  const double share = double(frame) / std::max(1, options.num_frames - 1) - 0.5;
-  const Eigen::Quaterniond turn(Eigen::AngleAxisd(0.5 * share, Eigen::Vector3d::UnitY()));
+Rigid3 SyntheticScene::PoseAt(double time, const SceneOptions& options) {
+  const double share = time / std::max(1, options.num_frames - 1) - 0.5;
+  const double sway = options.readout > 0 ? 0.1 * std::sin(0.7 * time) : 0;
+  const Eigen::Quaterniond turn = Eigen::AngleAxisd(sway, Eigen::Vector3d::UnitX()) *
+                                  Eigen::AngleAxisd(0.5 * share, Eigen::Vector3d::UnitY());
   const Eigen::Vector3d center(3 * share, 0.2 * std::sin(9 * share), 0.3 * share);
-  cam_from_world.push_back({turn, -(turn * center)});
+  return {turn, -(turn * center)};
+}
+
+bool SyntheticScene::See(int frame, const Eigen::Vector3d& point, const SceneOptions& options,
+                         Eigen::Vector2d& pixel) const {
+  const Camera& camera = input.cameras[0];
+  if (!camera.Project(cam_from_world[frame] * point, pixel)) return false;
+  for (int round = 0; options.readout > 0 && round < 4; ++round) {
+    const double row = (pixel.y() - 0.5 * (camera.height - 1)) / camera.height;
+    const Rigid3 pose = PoseAt(frame + options.readout * row, options);
+    if (!camera.Project(pose * point, pixel)) return false;
+  }
+  return true;
+}
+
+void SyntheticScene::AddFrame(int frame, const SceneOptions& options) {
+  cam_from_world.push_back(PoseAt(frame, options));
   point_of.emplace_back();
   features.push_back(std::make_unique<ImageFeatures>());
   const Camera& camera = input.cameras[0];
@@ -37,7 +55,7 @@ void SyntheticScene::AddFrame(int frame, const SceneOptions& options) {
   std::normal_distribution<double> noise(0, options.noise_px);
   for (int p = 0; p < static_cast<int>(points.size()); ++p) {
     Eigen::Vector2d pixel;
-    if (!camera.Project(cam_from_world[frame] * points[p], pixel)) continue;
+    if (!See(frame, points[p], options, pixel)) continue;
     pixel += Eigen::Vector2d(noise(random_), noise(random_));
     if (pixel.x() < 0 || pixel.y() < 0 || pixel.x() > 639 || pixel.y() > 479) continue;
     AddKeypoint(frame, p, pixel);
@@ -47,6 +65,7 @@ void SyntheticScene::AddFrame(int frame, const SceneOptions& options) {
   }
   input.frames.push_back({.name = "frame" + std::to_string(100 + frame) + ".jpg",
                           .capture = options.capture,
+                          .time = double(frame),
                           .camera_idx = 0,
                           .features = features.back().get(),
                           .cam_from_world = cam_from_world.back()});

@@ -14,6 +14,7 @@ struct SceneOptions {
   int num_points = 400;
   double noise_px = 0.3;
   int clutter = 20;  // key points of each frame that belong to no point
+  double readout = 0;  // of a rolling shutter, in frames; the camera's tilt then sways
   unsigned seed = 1;
   std::string capture = "walk";
 };
@@ -33,6 +34,10 @@ class SyntheticScene {
   MapInput WithoutPoses() const;
 
  private:
+  // At a time in frames.
+  static Rigid3 PoseAt(double time, const SceneOptions& options);
+  bool See(int frame, const Eigen::Vector3d& point, const SceneOptions& options,
+           Eigen::Vector2d& pixel) const;
   void AddFrame(int frame, const SceneOptions& options);
   std::vector<std::int8_t> RandomDescriptor();
   void AddKeypoint(int frame, int point, const Eigen::Vector2d& pixel);

@@ -4,10 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
 #include <map>
 #include <set>
 
 #include "firmware_tools/mapping/point_solver.h"
+#include "firmware_tools/mapping/rolling_shutter.h"
 #include "firmware_tools/mapping/tracks.h"
 #include "tests/firmware_tools/mapping/synthetic_scene.h"
 
@@ -131,6 +134,65 @@ TEST(Adjust, FindsTheFocalLength) {
   options.adjust.focal = true;
   const auto map = TriangulateWithPoses(scene.input, pairs, options, 1);
   EXPECT_NEAR(map.cameras[0].fx, 500, 1);
+}
+
+// The camera centres' distance from the truth, root mean square, once aligned.
+double CentreError(const SyntheticScene& scene, const Reconstruction& map) {
+  Eigen::Matrix3Xd found(3, map.images.size()), truth(3, map.images.size());
+  for (std::size_t i = 0; i < map.images.size(); ++i) {
+    found.col(i) = Inverse(map.images[i].cam_from_world).translation;
+    truth.col(i) = Inverse(scene.cam_from_world[i]).translation;
+  }
+  const Eigen::Matrix4d truth_from_found = Eigen::umeyama(found, truth, true);
+  const Eigen::Matrix3Xd rest =
+      (truth_from_found * found.colwise().homogeneous()).topRows(3) - truth;
+  return std::sqrt(rest.squaredNorm() / double(rest.cols()));
+}
+
+TEST(Adjust, FindsTheReadoutOfARollingShutter) {
+  const SyntheticScene scene({.num_frames = 20, .readout = 0.4});
+  const auto pairs = Pairs(scene.input, 4);
+  TriangulateOptions options{.max_error_px = 8, .adjustments = 2};
+  const auto bent = TriangulateWithPoses(scene.input, pairs, options, 1);
+  options.adjust.readout = true;
+  const auto map = TriangulateWithPoses(scene.input, pairs, options, 1);
+  EXPECT_EQ(bent.images[5].readout, 0);
+  EXPECT_NEAR(map.images[5].readout, 0.4, 0.05);
+  EXPECT_LT(Summarize(map).mean_error_px, 0.7 * Summarize(bent).mean_error_px);
+  EXPECT_LT(CentreError(scene, map), 0.5 * CentreError(scene, bent));
+}
+
+TEST(Adjust, FindsNoReadoutWhereAllRowsAreExposedAtOnce) {
+  const SyntheticScene scene({.num_frames = 20});
+  TriangulateOptions options{.adjustments = 1};
+  options.adjust.readout = true;
+  const auto map = TriangulateWithPoses(scene.input, Pairs(scene.input, 4), options, 1);
+  EXPECT_NEAR(map.images[5].readout, 0, 0.02);
+}
+
+TEST(SetMotions, SaysHowPointsMoveInAFrame) {
+  const SyntheticScene scene({.num_frames = 9});
+  Reconstruction map;
+  map.images.resize(9);
+  SetMotions(scene.input, map);
+  const Eigen::Vector3d point(0.3, -0.4, 5);
+  const Eigen::Vector3d before = scene.cam_from_world[3] * point;
+  const Eigen::Vector3d after = scene.cam_from_world[5] * point;
+  const Eigen::Vector3d told = map.images[4].motion.OfPoint(scene.cam_from_world[4] * point);
+  EXPECT_LT((told - (after - before) / 2).norm(), 0.01 * (after - before).norm());
+}
+
+TEST(SetMotions, NeighboursFarAwayTellNothing) {
+  SyntheticScene scene({.num_frames = 3});
+  scene.input.frames[2].time = 90;
+  scene.input.frames[0].capture = "another walk";
+  Reconstruction map;
+  map.images.resize(3);
+  SetMotions(scene.input, map);
+  for (const MapImage& image : map.images) {
+    EXPECT_EQ(image.motion.shift.norm(), 0);
+    EXPECT_EQ(image.motion.turn.norm(), 0);
+  }
 }
 
 TEST(BuildTracks, KeepsKeyPointsOfOneFrameApart) {
