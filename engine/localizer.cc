@@ -13,6 +13,7 @@
 #include "engine/image/resize.h"
 #include "engine/matching/place_evidence.h"
 #include "engine/pose/model_geometry.h"
+#include "engine/pose/pose_confidence.h"
 #include "engine/pose/window_adjuster.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
@@ -194,6 +195,8 @@ struct Localizer::State {
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
   void FindPose(const Prior& prior, Fix& fix);
+  float PoseConfidenceOf(const FoundPose& found) const;
+  bool Believed(const FoundPose& found) const;
   void TakePose(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
@@ -363,6 +366,18 @@ void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
   camera = refine_focal ? GuessCamera(known, width, height) : known.ResizedTo(width, height);
 }
 
+float Localizer::State::PoseConfidenceOf(const FoundPose& found) const {
+  const auto inliers = static_cast<float>(found.num_inliers);
+  if (!model.pose_confidence()) return inliers / (inliers + kDoubtfulInliers);
+  return PoseConfidence(*model.pose_confidence(), PoseCuesOf(found.num_inliers, found.evidence,
+                                                             found.expected, found.spread));
+}
+
+bool Localizer::State::Believed(const FoundPose& found) const {
+  if (!found.found || !model.pose_confidence()) return found.found;
+  return PoseConfidenceOf(found) >= model.pose_confidence()->threshold;
+}
+
 void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.localized = true;
   fix.level = 0;
@@ -373,12 +388,12 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.num_inliers = found.num_inliers;
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
+  fix.evidence_spread = found.spread;
   fix.rival_evidence = found.rivals[0].evidence;
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
-  const auto inliers = static_cast<float>(found.num_inliers);
-  fix.confidence = inliers / (inliers + kDoubtfulInliers);
+  fix.confidence = PoseConfidenceOf(found);
 }
 
 // The pose as the frames before it see it too. How a camera moves is known in metres only.
@@ -425,7 +440,7 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   if (!pose_finder || prior.cam_from_world == nullptr) return false;
   const FoundPose found =
       pose_finder->FindNear(features, camera, refine_focal, prior.map_idx, *prior.cam_from_world);
-  if (!found.found) return false;
+  if (!Believed(found)) return false;
   ClearScores();
   TakePose(found, fix);
   fix.tracked = true;
@@ -437,12 +452,13 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
 // word stands.
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
-  if (found.found) {
+  const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
+  if (found.found && (doubtful || Believed(found))) {
     TakePose(found, fix);
     fix.reasons = 0;
     fix.score = pair_scores[fix.pair_idx];
     FindRivals(fix);  // of the place that the landmarks name
-    if (found.rivals[0].evidence > kAmbiguousShare * found.evidence) {
+    if (doubtful) {
       SayWhatRivalsShare(found, fix);
     } else {
       AdjustWindow(found, prior.sequence, fix);
@@ -452,6 +468,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.num_inliers = found.num_inliers;
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
+  fix.evidence_spread = found.spread;
   const auto& begin = model.keyframes().landmark_begin;
   const bool has_landmarks =
       fix.keyframe_idx >= 0 && begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
@@ -459,8 +476,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.localized = false;
   fix.level = 0;
   fix.reasons |= kLowInliers;
-  const auto inliers = static_cast<float>(found.num_inliers);
-  fix.confidence = std::min(fix.confidence, inliers / (inliers + kDoubtfulInliers));
+  fix.confidence = std::min(fix.confidence, PoseConfidenceOf(found));
 }
 
 void Localizer::State::LocateByScore(Fix& fix) const {

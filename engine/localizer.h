@@ -73,6 +73,8 @@ struct Fix {
   // details: what speaks for the location, and for the best other.
   float evidence = 0;
   float expected_evidence = 0;
+  // Share of the image's parts where landmarks should be seen in which some agree with the pose, 0..1.
+  float evidence_spread = 0;
   float rival_evidence = 0;
   float score = 0;     // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;    // location's score, keyframes counted in, less the best other's; below

@@ -138,7 +138,7 @@ Status ModelView::Load() {
        {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
         &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
         &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan,
-        &ModelView::LoadDetails}) {
+        &ModelView::LoadDetails, &ModelView::LoadPoseConfidence}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -227,6 +227,20 @@ Status ModelView::LoadConfidence() {
   const bool valid = std::isfinite(c->offset()) && std::isfinite(c->slope()) && c->slope() >= 0 &&
                      c->threshold() >= 0 && c->threshold() <= 1;
   return valid ? Status() : Corrupt("model's confidence curve is out of range");
+}
+
+Status ModelView::LoadPoseConfidence() {
+  const fb::PoseConfidence* c = Root(bytes_)->pose_confidence();
+  if (c == nullptr) return {};
+  const auto weights = Span(c->weights());
+  const bool valid = std::isfinite(c->offset()) && weights.size() == kPoseCues &&
+                     AllFinite(weights) && c->threshold() >= 0 && c->threshold() <= 1;
+  if (!valid) return Corrupt("model's confidence in poses is out of range");
+  pose_confidence_.emplace();
+  pose_confidence_->offset = c->offset();
+  std::copy(weights.begin(), weights.end(), pose_confidence_->weights.begin());
+  pose_confidence_->threshold = c->threshold();
+  return {};
 }
 
 Status ModelView::LoadKeyframes() {

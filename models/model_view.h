@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string_view>
 
@@ -68,6 +69,14 @@ struct ModelScoring {
 struct ModelConfidence {
   float offset = 0;
   float slope = 0;
+  float threshold = 0;
+};
+
+// Of a pose among landmarks: engine/pose/pose_confidence.h.
+constexpr int kPoseCues = 3;
+struct ModelPoseConfidence {
+  float offset = 0;
+  std::array<float, kPoseCues> weights = {};
   float threshold = 0;
 };
 
@@ -139,6 +148,8 @@ class ModelView {
   const ModelVocabulary& vocabulary() const { return vocabulary_; }
   const ModelScoring& scoring() const { return scoring_; }
   const ModelConfidence& confidence() const { return confidence_; }
+  // None: poses are believed by fixed rules alone.
+  const std::optional<ModelPoseConfidence>& pose_confidence() const { return pose_confidence_; }
   const ModelKeyframes& keyframes() const { return keyframes_; }
   bool has_landmarks() const { return landmarks_.size > 0; }
   const ModelCamera& camera() const { return camera_; }           // where landmarks are
@@ -174,6 +185,7 @@ class ModelView {
   Status LoadVocabulary();
   Status LoadScoring();
   Status LoadConfidence();
+  Status LoadPoseConfidence();
   Status LoadKeyframes();
   Status LoadCamera();
   Status LoadLandmarks();
@@ -186,6 +198,7 @@ class ModelView {
   ModelVocabulary vocabulary_;
   ModelScoring scoring_;
   ModelConfidence confidence_;
+  std::optional<ModelPoseConfidence> pose_confidence_;
   ModelKeyframes keyframes_;
   ModelCamera camera_;
   ModelLandmarks landmarks_;

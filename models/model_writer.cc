@@ -101,8 +101,15 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
     map = BuildLandmarks(b, d);
   }
   const auto details = BuildDetails(b, d.details);
+  flatbuffers::Offset<fb::PoseConfidence> pose_confidence = 0;
+  if (d.pose_confidence) {
+    const ModelPoseConfidence& c = *d.pose_confidence;
+    pose_confidence = fb::CreatePoseConfidence(
+        b, c.offset, b.CreateVector(c.weights.data(), c.weights.size()), c.threshold);
+  }
   return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
-                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan), details);
+                         map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan), details,
+                         pose_confidence);
 }
 
 template <typename T>

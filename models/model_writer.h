@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,7 @@ struct ModelData {
   std::vector<std::int8_t> weights;  // [num_words, pairs]
   float keyframe_weight = 0;
   ModelConfidence confidence;
+  std::optional<ModelPoseConfidence> pose_confidence;
   std::vector<std::uint16_t> keyframe_pair;
   std::vector<std::uint32_t> keyframe_word_begin = {0};
   std::vector<std::uint16_t> keyframe_words;

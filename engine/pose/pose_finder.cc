@@ -44,6 +44,31 @@ std::int32_t SquaredDistance(const std::int8_t* a, const std::int8_t* b, int dim
   return sum;
 }
 
+// Landmarks in each part of an image.
+constexpr int kPartsAcross = 4, kPartsDown = 3;
+using ImageParts = std::array<int, kPartsAcross * kPartsDown>;
+// Landmarks that must be expected in a part for it to count, and how many times as many as agree.
+constexpr int kLeastExpected = 4;
+constexpr int kExpectedOfAgreeing = 8;
+
+int PartOf(const Camera& camera, const Eigen::Vector2d& pixel) {
+  const auto part = [](double x, int size, int parts) {
+    return std::clamp(static_cast<int>(x * parts / size), 0, parts - 1);
+  };
+  return part(pixel.y(), camera.height, kPartsDown) * kPartsAcross +
+         part(pixel.x(), camera.width, kPartsAcross);
+}
+
+float SpreadOf(const ImageParts& expected, const ImageParts& agreeing) {
+  int counted = 0, confirmed = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    if (expected[i] < kLeastExpected) continue;
+    ++counted;
+    confirmed += agreeing[i] * kExpectedOfAgreeing >= expected[i] ? 1 : 0;
+  }
+  return counted > 0 ? static_cast<float>(confirmed) / static_cast<float>(counted) : 1;
+}
+
 // How unlike two views are: the squared distance in units of `pace`, and one more for every 30
 // degrees or so between the optical axes.
 double Unlike(const Rigid3& world_from_a, const Rigid3& world_from_b, double pace) {
@@ -402,13 +427,20 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   for (std::size_t i = 0; i < matches.size(); ++i) {
     if (used[i] != 0) found.evidence += RarityOf(matched_landmarks[i]);
   }
+  ImageParts expected = {}, agreeing = {};
   for (const std::uint32_t l : LandmarksOf(found.keyframe_idx)) {
     Eigen::Vector2d pixel;
     const bool seen =
         camera.Project(found.pose.cam_from_world * LandmarkPosition(model, l), pixel) &&
         pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width && pixel.y() < camera.height;
-    if (seen) found.expected += RarityOf(l);
+    if (!seen) continue;
+    found.expected += RarityOf(l);
+    ++expected[PartOf(camera, pixel)];
   }
+  for (std::size_t i = 0; i < matches.size(); ++i) {
+    if (used[i] != 0) ++agreeing[PartOf(camera, matches[i].pixel)];
+  }
+  found.spread = SpreadOf(expected, agreeing);
 }
 
 // The matches in use, for whoever goes on with them.

@@ -69,6 +69,7 @@ struct FoundPose {
   int num_inliers = 0;    // matches that agree with the pose
   float evidence = 0;     // the same, each weighed by its landmark's rarity, 0..1
   float expected = 0;     // evidence, if all landmarks that the pose puts into the image were seen
+  float spread = 0;  // share of the image's parts with landmarks to be seen where some are, 0..1
   std::array<PoseRival, kMaxRivals> rivals;  // the best poses elsewhere that were tried, best first
   RefinedPose pose;                          // camera from the map's frame of reference
   Camera camera;  // that it is the pose of: the focal length refined, if it was a guess

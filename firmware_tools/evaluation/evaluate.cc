@@ -16,7 +16,7 @@
 #include "firmware_tools/evaluation/metrics.h"
 #include "firmware_tools/mapping/georeference.h"
 #include "firmware_tools/mapping/site_map.h"
-#include "firmware_tools/training/feature_store.h"
+#include "firmware_tools/training/model_localizer.h"
 #include "platform/clock.h"
 
 namespace viewfix {
@@ -40,21 +40,6 @@ std::vector<int> ImagesOf(const ImageSet& set, EvaluateOptions::Split split) {
                     " images");
   }
   return idxs;
-}
-
-Localizer MakeLocalizer(const ModelView& model, int window) {
-  const ModelFeatures& f = model.features();
-  LocalizerOptions options;
-  options.window = window;
-  options.now_ns = &MonotonicNs;
-  auto extractor = MakeExtractor({.type = static_cast<FeatureType>(f.type),
-                                  .max_image_side = f.max_image_side,
-                                  .max_features = f.max_features,
-                                  .upright = f.upright,
-                                  .threshold = f.threshold});
-  auto localizer = Localizer::Create(model, options, std::move(extractor));
-  if (!localizer.ok()) throw ToolError(localizer.status().text());
-  return std::move(*localizer);
 }
 
 int LocationOfKeyframe(const ModelView& model, int keyframe_idx) {
@@ -195,7 +180,7 @@ class Evaluator {
         model_(model),
         world_from_map_(world_from_map),
         sequence_(options.sequence),
-        localizer_(MakeLocalizer(model, options.window)) {
+        localizer_(MakeModelLocalizer(model, {.now_ns = &MonotonicNs, .window = options.window})) {
     if (options.filter) filter_.emplace(model);
   }
 

@@ -298,6 +298,7 @@ Json Figures::PerFrame() const {
                     {"inliers", f.fix.num_inliers},
                     {"evidence", f.fix.evidence},
                     {"expected_evidence", f.fix.expected_evidence},
+                    {"evidence_spread", f.fix.evidence_spread},
                     {"rival_evidence", f.fix.rival_evidence},
                     {"tracked", f.fix.tracked},
                     {"translation_error_m", OrNull(f.translation_error)},
@@ -316,7 +317,8 @@ Json UnknownFrames(const Evaluation& unknown) {
                     {"margin", f.fix.margin},
                     {"inliers", f.fix.num_inliers},
                     {"evidence", f.fix.evidence},
-                    {"expected_evidence", f.fix.expected_evidence}});
+                    {"expected_evidence", f.fix.expected_evidence},
+                    {"evidence_spread", f.fix.evidence_spread}});
   }
   return rows;
 }

@@ -48,6 +48,26 @@ std::vector<PointView> ViewsOf(const Reconstruction& map, std::span<const Observ
   return views;
 }
 
+Reconstruction Without(const Reconstruction& map, const std::set<std::string>& names) {
+  Reconstruction left;
+  left.cameras = map.cameras;
+  std::vector<int> new_idx(map.images.size(), -1);
+  for (std::size_t i = 0; i < map.images.size(); ++i) {
+    if (names.contains(map.images[i].name)) continue;
+    new_idx[i] = static_cast<int>(left.images.size());
+    left.images.push_back(map.images[i]);
+  }
+  for (const MapPoint& point : map.points) {
+    MapPoint kept = point;
+    std::erase_if(kept.track, [&](const Observation& o) { return new_idx[o.image_idx] < 0; });
+    if (kept.track.size() < 2) continue;
+    for (Observation& o : kept.track) o.image_idx = new_idx[o.image_idx];
+    left.points.push_back(std::move(kept));
+  }
+  RenumberPoints(left);
+  return left;
+}
+
 void SortTrack(MapPoint& point) {
   std::sort(point.track.begin(), point.track.end(),
             [](const Observation& a, const Observation& b) { return a.image_idx < b.image_idx; });

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <set>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "firmware_tools/mapping/point_solver.h"
@@ -18,6 +20,9 @@ void SortTrack(MapPoint& point);
 
 // Makes MapImage::point_idx agree with the tracks.
 void RenumberPoints(Reconstruction& map);
+
+// The map without some images, by name; points that fewer than two others see go too.
+Reconstruction Without(const Reconstruction& map, const std::set<std::string>& names);
 
 // Refines every point under the poses as they are, drops observations farther than max_error_px
 // (of an image of 640 pixels a side), and points with fewer than two observations or rays that

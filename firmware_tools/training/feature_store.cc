@@ -64,8 +64,7 @@ FeatureStore ExtractFeatures(const ImageSet& set, std::span<const int> image_idx
   const auto extract = [&](int i, int worker) {
     const int image_idx = image_idxs[i];
     try {
-      store.images[image_idx] =
-          ExtractOne(set.FullPath(set.images[image_idx]), workers[worker]);
+      store.images[image_idx] = ExtractOne(set.FullPath(set.images[image_idx]), workers[worker]);
     } catch (const ToolError& error) {
       const std::lock_guard lock(mutex);
       store.failures.push_back({image_idx, error.what()});

@@ -33,8 +33,7 @@ std::vector<std::uint16_t> NearestOnly(std::span<const std::uint16_t> words, int
 std::vector<ImageHistograms> BuildHistograms(const FeatureStore& store,
                                              std::span<const int> image_idxs,
                                              const Vocabulary& vocabulary, int words_per_feature,
-                                             HistogramMap map, int jobs,
-                                             const Progress& progress) {
+                                             HistogramMap map, int jobs, const Progress& progress) {
   const int max_features = store.options.max_features;
   std::vector<HistogramBuilder> frame_builders;
   std::vector<HistogramBuilder> keyframe_builders;

@@ -99,8 +99,7 @@ HeldOut Decide(const std::vector<int>& samples, const Eigen::MatrixXd& similarit
         tasks[t] += options.keyframe_weight * similarity(models[l].pairs[t], i);
       }
       const auto best = std::max_element(tasks.begin(), tasks.end()) - tasks.begin();
-      Offer(ranked, static_cast<int>(l), models[l].pairs[best],
-            LocationScore(tasks, options.rule));
+      Offer(ranked, static_cast<int>(l), models[l].pairs[best], LocationScore(tasks, options.rule));
     }
     ranked.prediction.sample = samples[i];
     ranked.prediction.margin = std::isfinite(ranked.second) ? ranked.best - ranked.second : 0.0;
@@ -127,8 +126,8 @@ void CountRight(const Labels& labels, HeldOut& result) {
 // Of each pair's most similar keyframe among those `used`, to each of `samples`.
 Eigen::MatrixXd BestSimilarities(const Labels& labels, const Eigen::MatrixXf& similarities,
                                  const std::vector<bool>& used, const std::vector<int>& samples) {
-  Eigen::MatrixXd best = Eigen::MatrixXd::Constant(labels.num_pairs(), samples.size(),
-                                                   double{kNoSimilarity});
+  Eigen::MatrixXd best =
+      Eigen::MatrixXd::Constant(labels.num_pairs(), samples.size(), double{kNoSimilarity});
   for (std::size_t i = 0; i < samples.size(); ++i) {
     for (std::size_t k = 0; k < used.size(); ++k) {
       double& so_far = best(labels.pair[k], i);

@@ -34,8 +34,8 @@ struct LocationModel {
     int task = 0;
     double coefficient = 0;  // a_i y_i
   };
-  std::vector<int> pairs;      // [tasks] the pairs that are this location's tasks
-  std::vector<double> bias;    // [tasks]; NaN: absent
+  std::vector<int> pairs;    // [tasks] the pairs that are this location's tasks
+  std::vector<double> bias;  // [tasks]; NaN: absent
   std::vector<Term> terms;
   double beta = 1;
 };

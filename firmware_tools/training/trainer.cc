@@ -7,9 +7,11 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "firmware_tools/mapping/map_points.h"
 #include "firmware_tools/training/confidence.h"
 #include "firmware_tools/training/histograms.h"
 #include "firmware_tools/training/kmeans.h"
+#include "firmware_tools/training/pose_confidence.h"
 
 namespace viewfix {
 namespace {
@@ -197,11 +199,15 @@ std::optional<Pose> Moved(const std::optional<Pose>& pose, const Similarity& sit
 }
 
 // Returns the image of each keyframe.
+//   hidden  [samples] those that make none
 std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options,
-                              const Preparation& prepared, ModelData& model) {
+                              const Preparation& prepared, const std::vector<bool>& hidden,
+                              ModelData& model) {
   const Labels& labels = prepared.labels;
-  std::vector<int> order(labels.pair.size());
-  for (int s = 0; s < static_cast<int>(order.size()); ++s) order[s] = s;
+  std::vector<int> order;
+  for (int s = 0; s < static_cast<int>(labels.pair.size()); ++s) {
+    if (!hidden[s]) order.push_back(s);
+  }
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return labels.pair[a] < labels.pair[b]; });
   std::vector<int> image_idxs;
@@ -265,6 +271,59 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
   model.confidence = FitConfidence(details.held_out);
   LimitWrongAnswers(details.held_out, options.details.wrong_share, model.confidence);
   return details;
+}
+
+// Keyframes and landmarks of the samples that are not hidden.
+PartialModel WithPartOfMap(const ImageSet& set, const TrainOptions& options,
+                           const Preparation& prepared, const std::vector<bool>& hidden,
+                           const ModelData& without_map) {
+  PartialModel partial{without_map, {}};
+  const std::vector<int> keyframes = AddKeyframes(set, options, prepared, hidden, partial.model);
+  std::set<std::string> names;
+  for (std::size_t s = 0; s < hidden.size(); ++s) {
+    if (hidden[s]) names.insert(set.images[prepared.labels.image_idxs[s]].path);
+  }
+  SiteMap site;
+  site.metric = prepared.site.metric;
+  for (std::size_t m = 0; m < prepared.site.maps.size(); ++m) {
+    Reconstruction map = Without(prepared.site.maps[m], names);
+    if (map.points.empty()) continue;
+    site.maps.push_back(std::move(map));
+    site.placements.push_back(prepared.site.placements[m]);
+    partial.map_idx.push_back(static_cast<int>(m));
+  }
+  if (site.maps.empty()) return partial;
+  AddMapToModel(site, set, prepared.MapFeatures(), keyframes, options.model_map, partial.model);
+  return partial;
+}
+
+// How poses of held-out frames fared.
+std::vector<PoseOutcome> AddPoseConfidence(const ImageSet& set, const Preparation& prepared,
+                                           const TrainOptions& options,
+                                           const ModelData& without_map,
+                                           const StageProgress& stages, ModelData& model) {
+  if (model.landmark_position.empty()) return {};
+  const Labels& labels = prepared.labels;
+  const PoseConfidenceSource source = {set,
+                                       labels.image_idxs,
+                                       labels.location,
+                                       labels.pair,
+                                       model,
+                                       [&](const std::vector<bool>& hidden) {
+                                         return WithPartOfMap(set, options, prepared, hidden,
+                                                              without_map);
+                                       }};
+  PoseConfidenceOptions confidence = options.pose_confidence;
+  confidence.jobs = options.jobs;
+  auto outcomes = HoldOutPoses(source, confidence, Begin(stages, "held-out poses"));
+  if (!outcomes.empty()) model.pose_confidence = FitPoseConfidence(outcomes, confidence);
+  return outcomes;
+}
+
+Json PosesAsJson(const std::vector<PoseOutcome>& outcomes) {
+  const auto right =
+      std::count_if(outcomes.begin(), outcomes.end(), [](const PoseOutcome& o) { return o.right; });
+  return {{"held_out", outcomes.size()}, {"right", right}};
 }
 
 template <typename T>
@@ -423,8 +482,12 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   AssignAll(labels.pair_view, model.pair_view);
   QuantizeWeights(scores, model);
   model.confidence = ConfidenceOf(labels, tried.front());
-  const std::vector<int> keyframes = AddKeyframes(set, options, prepared, model);
+  const ModelData without_map = model;
+  const std::vector<bool> none(labels.image_idxs.size(), false);
+  const std::vector<int> keyframes = AddKeyframes(set, options, prepared, none, model);
   AddMapToModel(prepared.site, set, prepared.MapFeatures(), keyframes, options.model_map, model);
+  const std::vector<PoseOutcome> poses =
+      AddPoseConfidence(set, prepared, options, without_map, stages, model);
   const TrainedDetails details = AddDetails(prepared, options, stages, model);
   result.details_held_out = details.held_out;
   if (options.floor_plan) {
@@ -433,6 +496,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   }
   Json record = Record(set, options, prepared, tried);
   if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
+  if (!poses.empty()) record["held_out_poses"] = PosesAsJson(poses);
   model.record = record.dump();
   return result;
 }

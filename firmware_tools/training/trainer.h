@@ -13,6 +13,7 @@
 #include "firmware_tools/training/details.h"
 #include "firmware_tools/training/feature_store.h"
 #include "firmware_tools/training/labels.h"
+#include "firmware_tools/training/pose_confidence.h"
 #include "firmware_tools/training/score_training.h"
 #include "models/model_writer.h"
 
@@ -36,6 +37,7 @@ struct TrainOptions {
   // has time for. No fewer than features.max_features are taken. Given poses need no more.
   int map_features = 1500;
   ModelMapOptions model_map;
+  PoseConfidenceOptions pose_confidence;
   DetailOptions details;                // where there are no landmarks
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   std::uint64_t seed = 1;
