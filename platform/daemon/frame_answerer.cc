@@ -34,15 +34,15 @@ Status AboutFrame(const Frame& frame, const Camera* camera, const Status& status
 
 }  // namespace
 
-Result<Fix> FrameAnswerer::Localize(Frame& frame, LoadedModel& model) {
+Result<Fix> FrameAnswerer::Localize(Frame& frame, std::uint64_t number, LoadedModel& model) {
   if (model.rotate_deg != 0) {
     Orient(frame.image, OrientationOf(model.rotate_deg), turned_);
     std::swap(frame.image, turned_);
   }
-  const auto prediction = motion_.Predict(frame.sequence);
+  const auto prediction = motion_.Predict(number);
   Prior prior;
   prior.camera = model.camera ? &*model.camera : nullptr;
-  prior.sequence = frame.sequence;
+  prior.sequence = number;
   if (prediction) {
     prior.cam_from_world = &prediction->cam_from_world;
     prior.map_idx = prediction->map_idx;
@@ -51,11 +51,11 @@ Result<Fix> FrameAnswerer::Localize(Frame& frame, LoadedModel& model) {
   if (!fix.ok()) return AboutFrame(frame, prior.camera, fix.status());
   // What this frame says alone is where the next is looked for, believed or not.
   if (fix->has_pose) {
-    motion_.Update(frame.sequence, fix->map_idx, fix->world_from_cam);
+    motion_.Update(number, fix->map_idx, fix->world_from_cam);
   } else {
     motion_.Lose();
   }
-  if (model.filter) model.filter->Apply(frame.sequence, *fix);
+  if (model.filter) model.filter->Apply(number, *fix);
   return fix;
 }
 

@@ -14,9 +14,9 @@ namespace viewfix {
 // lead, compared with them. One instance serves one stream.
 class FrameAnswerer {
  public:
-  // Turns frame.image as `model` says. Errors concern this frame: the detail names it, its size
-  // and its camera's.
-  Result<Fix> Localize(Frame& frame, LoadedModel& model);
+  // Turns frame.image as `model` says. `number`: of the frame as the motion counts (pipeline.cc).
+  // Errors concern this frame: the detail names it, its size and its camera's.
+  Result<Fix> Localize(Frame& frame, std::uint64_t number, LoadedModel& model);
 
  private:
   MotionModel motion_;

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
+#include <string>
 #include <string_view>
 
+#include "platform/camera/v4l2/v4l2_camera.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/options.h"
 
@@ -23,8 +25,21 @@ int RunOrCheck(const CommandLine& line) {
   return 0;
 }
 
+int Cameras(int argc, char** argv) {
+  if (argc > 1) return WrongUsage(std::string("unexpected argument ") + argv[1]);
+  std::fputs(DescribeCameras(RealV4l2System()).c_str(), stdout);
+  return 0;
+}
+
+struct Subcommand {
+  std::string_view name;
+  int (*run)(int argc, char** argv);  // argv[0] is the name
+};
+
+constexpr Subcommand kSubcommands[] = {{"cameras", Cameras}};
+
 // The daemon itself: what is not a subcommand.
-int Main(int argc, char** argv) {
+int RunAsDaemon(int argc, char** argv) {
   const CommandLine line = ParseCommandLine(argc, argv);
   switch (line.action) {
     case CommandLine::Action::kHelp:
@@ -38,6 +53,13 @@ int Main(int argc, char** argv) {
     default:
       return RunOrCheck(line);
   }
+}
+
+int Main(int argc, char** argv) {
+  for (const Subcommand& command : kSubcommands) {
+    if (argc > 1 && command.name == argv[1]) return command.run(argc - 1, argv + 1);
+  }
+  return RunAsDaemon(argc, argv);
 }
 
 }  // namespace

@@ -15,6 +15,8 @@ using std::chrono::milliseconds;
 using std::chrono::nanoseconds;
 
 constexpr std::int64_t kSecondNs = 1'000'000'000;
+constexpr std::int64_t kNominalNs = kSecondNs / 10;
+constexpr std::int64_t kForgetAfter = 1000;
 constexpr milliseconds kPatience{250};
 // A scene that was still for so long is looked at less often.
 constexpr std::int64_t kIdleAfterNs = 2 * kSecondNs;
@@ -176,11 +178,24 @@ bool Pipeline::Still(const Frame& frame) {
   return true;
 }
 
+// The motion between frames is counted in frames of a tenth of a second, LocalizerOptions'
+// frame_interval_s. A recording's own frames are those, so that it gives the same at any speed; of
+// a camera it depends on the time between two answers, and after a second nothing is known of the
+// motion.
+std::uint64_t Pipeline::NumberOf(const Frame& frame) {
+  if (!live_) return frame.sequence;
+  const std::int64_t passed_ns = frame.capture_time_ns - captured_ns_;
+  captured_ns_ = frame.capture_time_ns;
+  const std::int64_t steps = (passed_ns + kNominalNs / 2) / kNominalNs;
+  number_ += static_cast<std::uint64_t>(std::clamp<std::int64_t>(steps, 1, kForgetAfter));
+  return number_;
+}
+
 bool Pipeline::Answer(Frame& frame) {
   began_ns_ = MonotonicNs();
   scene_.SetReference(frame.image.view());
   parts_.health->BeginFrame();
-  const Result<Fix> fix = answerer_->Localize(frame, *model_);
+  const Result<Fix> fix = answerer_->Localize(frame, NumberOf(frame), *model_);
   parts_.health->EndFrame();
   if (!fix.ok()) {
     log_.Write(fix.status());

@@ -63,6 +63,7 @@ class Pipeline {
   bool WaitUntilDue();
   bool Still(const Frame& frame);
   bool Answer(Frame& frame);
+  std::uint64_t NumberOf(const Frame& frame);
   bool SayWhyNothing();
   bool Publish(std::string_view line);
   std::int64_t IntervalNs(double fps) const;
@@ -98,6 +99,8 @@ class Pipeline {
   std::int64_t said_ns_ = 0;   // of the last state line
   std::string said_state_;
   std::uint64_t last_sequence_ = 0;
+  std::uint64_t number_ = 0;      // of the last frame answered, as the motion counts
+  std::int64_t captured_ns_ = 0;  // and when it was captured
   Status fault_;
 };
 
