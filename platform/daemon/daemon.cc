@@ -10,6 +10,7 @@
 #include <cinttypes>
 #include <csignal>
 #include <cstdio>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -21,6 +22,7 @@
 #include "platform/daemon/notify.h"
 #include "platform/daemon/pipeline.h"
 #include "platform/log.h"
+#include "platform/publish/server.h"
 
 namespace viewfix {
 namespace {
@@ -44,6 +46,7 @@ class Daemon {
   bool TakeSignals();
   Status LoadModel();
   Status OpenPublishers();
+  ServerContent ServedContent();
   Status StartPipeline();
   void Watch();
   void Turn();
@@ -57,6 +60,7 @@ class Daemon {
   Health health_;
   ModelHolder models_;
   std::unique_ptr<Publisher> publisher_;
+  Server* server_ = nullptr;  // publisher_'s; null: none
   std::unique_ptr<Pipeline> pipeline_;
   int signals_ = -1;
   int ended_ = -1;  // an eventfd: the pipeline has ended
@@ -98,13 +102,35 @@ Status Daemon::LoadModel() {
 }
 
 Status Daemon::OpenPublishers() {
-  if (!options_.publish.to_stdout) return {};
-  publisher_ =
-      live_ ? MakeDroppingPublisher(STDOUT_FILENO) : MakeStreamPublisher(STDOUT_FILENO, [this] {
-        health_.Beat(Health::kLocalize);
-        return !pipeline_->stopping();
-      });
+  std::vector<std::unique_ptr<Publisher>> outputs;
+  const PublishSettings& settings = options_.publish;
+  if (!settings.unix_path.empty() || settings.http_port != 0) {
+    Result<std::unique_ptr<Server>> server = Server::Start(settings, ServedContent());
+    if (!server.ok()) return server.status();
+    server_ = server->get();
+    outputs.push_back(std::move(*server));
+  }
+  if (settings.to_stdout) {
+    outputs.push_back(live_ ? MakeDroppingPublisher(STDOUT_FILENO)
+                            : MakeStreamPublisher(STDOUT_FILENO, [this] {
+                                health_.Beat(Health::kLocalize);
+                                return !pipeline_->stopping();
+                              }));
+  }
+  publisher_ = MakeFan(std::move(outputs));
   return {};
+}
+
+ServerContent Daemon::ServedContent() {
+  return {[this](const PublishCounts& counts) { return health_.Json(counts); },
+          [this](const PublishCounts& counts) { return health_.Metrics(counts); },
+          [this] { return health_.State() == "ok"; },
+          [this]() -> std::shared_ptr<const ModelView> {
+            const std::shared_ptr<LoadedModel> model = models_.Current();
+            if (model == nullptr) return nullptr;
+            return {model, &model->view};
+          },
+          [this] { health_.Beat(Health::kServer); }};
 }
 
 Status Daemon::StartPipeline() {
@@ -117,9 +143,13 @@ Status Daemon::StartPipeline() {
     PrintFault(status);
   }
   if (Status status = OpenPublishers(); !status.ok()) return status;
+  std::function<void(const GreyImage&)> show;
+  if (server_ != nullptr && options_.publish.frame_picture) {
+    show = [this](const GreyImage& frame) { server_->Show(frame); };
+  }
   pipeline_ = std::make_unique<Pipeline>(
       std::move(*source), PipelineRates{options_.max_fps, options_.idle_fps},
-      Pipeline::Parts{&models_, &health_, publisher_.get(), nullptr});
+      Pipeline::Parts{&models_, &health_, publisher_.get(), std::move(show)});
   pipeline_->Start([this] { (void)::eventfd_write(ended_, 1); });
   return {};
 }
@@ -137,6 +167,7 @@ int Daemon::Run() {
   Watch();
   notifier_.Send("STOPPING=1");
   pipeline_->Stop();
+  publisher_.reset();
   return ExitCode();
 }
 

@@ -14,7 +14,7 @@ constexpr std::int64_t kSecondNs = 1'000'000'000;
 constexpr std::int64_t kMaxFrameNs = 2 * kSecondNs;
 constexpr std::int64_t kMaxTurnNs = 10 * kSecondNs;  // opening a USB camera takes seconds
 
-constexpr const char* kWorkerNames[] = {"capture", "localize"};
+constexpr const char* kWorkerNames[] = {"capture", "localize", "server"};
 constexpr const char* kStageNames[] = {"features", "score", "verify", "pose", "total"};
 
 void Append(std::string& text, const char* format, double value) {

@@ -17,7 +17,7 @@ namespace viewfix {
 // say. Thread-safe.
 class Health {
  public:
-  enum Worker { kCapture, kLocalize, kWorkers };
+  enum Worker { kCapture, kLocalize, kServer, kWorkers };
 
   // A turn of a worker's loop, time-outs included.
   void Beat(Worker worker);

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <string_view>
+#include <vector>
 
 #include "engine/base/status.h"
 
@@ -27,5 +28,8 @@ std::unique_ptr<Publisher> MakeStreamPublisher(int fd, std::function<bool()> go_
 // slow reader are dropped whole.
 inline constexpr std::size_t kMaxWaitingBytes = std::size_t{1} << 18;
 std::unique_ptr<Publisher> MakeDroppingPublisher(int fd);
+
+// To all of them, in this order; the first that fails ends it.
+std::unique_ptr<Publisher> MakeFan(std::vector<std::unique_ptr<Publisher>> outputs);
 
 }  // namespace viewfix

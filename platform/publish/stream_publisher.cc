@@ -76,10 +76,29 @@ class DroppingPublisher : public Publisher {
   std::string waiting_;
 };
 
+class Fan : public Publisher {
+ public:
+  explicit Fan(std::vector<std::unique_ptr<Publisher>> outputs) : outputs_(std::move(outputs)) {}
+
+  Status Publish(std::string_view line) override {
+    for (const auto& output : outputs_) {
+      if (Status status = output->Publish(line); !status.ok()) return status;
+    }
+    return {};
+  }
+
+ private:
+  std::vector<std::unique_ptr<Publisher>> outputs_;
+};
+
 }  // namespace
 
 std::unique_ptr<Publisher> MakeStreamPublisher(int fd, std::function<bool()> go_on) {
   return std::make_unique<StreamPublisher>(fd, std::move(go_on));
+}
+
+std::unique_ptr<Publisher> MakeFan(std::vector<std::unique_ptr<Publisher>> outputs) {
+  return std::make_unique<Fan>(std::move(outputs));
 }
 
 std::unique_ptr<Publisher> MakeDroppingPublisher(int fd) {
