@@ -98,7 +98,9 @@ std::string TakeSize(const std::string& value, DaemonOptions& options) {
 
 std::string TakePixelFormat(const std::string& value, DaemonOptions& options) {
   options.camera.pixel_format = value;
-  return value.empty() || value.size() == 4 ? "" : "not four characters, as YUYV";
+  // "Y16" stands for "Y16 ".
+  if (!value.empty() && value.size() < 4) options.camera.pixel_format.resize(4, ' ');
+  return value.size() <= 4 ? "" : "not four characters, as YUYV";
 }
 
 std::string TakeControl(const std::string& value, DaemonOptions& options) {
