@@ -128,6 +128,18 @@ std::vector<V4l2FormatInfo> V4l2Node::Formats() const {
   return formats;
 }
 
+std::vector<std::uint32_t> V4l2Node::PixelFormats() const {
+  std::vector<std::uint32_t> formats;
+  for (std::uint32_t index = 0; index < kMaxEntries; ++index) {
+    v4l2_fmtdesc format = {};
+    format.index = index;
+    format.type = buffer_type_;
+    if (Ioctl(VIDIOC_ENUM_FMT, &format) != 0) break;
+    formats.push_back(format.pixelformat);
+  }
+  return formats;
+}
+
 std::vector<V4l2SizeInfo> V4l2Node::Sizes(std::uint32_t fourcc) const {
   std::vector<V4l2SizeInfo> sizes;
   for (std::uint32_t index = 0; index < kMaxEntries; ++index) {

@@ -60,7 +60,11 @@ class V4l2Node {
   std::uint32_t buffer_type() const { return buffer_type_; }
   bool multi_planar() const { return multi_planar_; }
 
+  // All of it takes thousands of requests; what a stream is chosen by, a few.
   std::vector<V4l2FormatInfo> Formats() const;
+  std::vector<std::uint32_t> PixelFormats() const;
+  // Frames a second, highest first; empty: not told.
+  std::vector<double> Rates(std::uint32_t fourcc, int width, int height) const;
   std::vector<V4l2ControlInfo> Controls() const;
   // Empty: set; else why not.
   std::string SetControl(const V4l2ControlInfo& control, std::int64_t value) const;
@@ -75,7 +79,6 @@ class V4l2Node {
   V4l2Node(V4l2System& system, std::string path, int fd);
   Status ReadCapabilities();
   std::vector<V4l2SizeInfo> Sizes(std::uint32_t fourcc) const;
-  std::vector<double> Rates(std::uint32_t fourcc, int width, int height) const;
 
   V4l2System* system_;
   std::string path_;

@@ -84,24 +84,21 @@ std::int64_t Distance(int width, int height, const CameraSettings& settings) {
   return off(width, settings.width) + off(height, settings.height);
 }
 
-bool ReachesRate(const V4l2FormatInfo& info, int width, int height, double rate) {
-  for (const V4l2SizeInfo& size : info.sizes) {
-    if (size.width != width || size.height != height || size.rates.empty()) continue;
-    return size.rates.front() >= 0.95 * rate;
-  }
-  return true;  // not told
+// Not told counts as reached.
+bool ReachesRate(const V4l2Node& node, std::uint32_t fourcc, int width, int height, double rate) {
+  if (rate <= 0) return true;
+  const std::vector<double> rates = node.Rates(fourcc, width, height);
+  return rates.empty() || rates.front() >= 0.95 * rate;
 }
 
 // The format to ask for, 0: none that we read. The nearest size first, then a rate that is
 // reached, then what costs least.
 std::uint32_t ChooseFormat(const V4l2Node& node, const CameraSettings& settings) {
-  const std::vector<V4l2FormatInfo> formats = node.Formats();
+  const std::vector<std::uint32_t> formats = node.PixelFormats();
   std::uint32_t best = 0;
   std::pair<std::int64_t, bool> best_cost;
   for (const std::uint32_t fourcc : kPreferred) {
-    const auto info = std::find_if(formats.begin(), formats.end(),
-                                   [&](const V4l2FormatInfo& f) { return f.fourcc == fourcc; });
-    if (info == formats.end()) continue;
+    if (std::find(formats.begin(), formats.end(), fourcc) == formats.end()) continue;
     if (FourccText(fourcc) == settings.pixel_format) return fourcc;
     v4l2_format format = Wanted(node, fourcc, settings.width, settings.height);
     if (node.Ioctl(VIDIOC_TRY_FMT, &format) != 0) continue;
@@ -109,7 +106,7 @@ std::uint32_t ChooseFormat(const V4l2Node& node, const CameraSettings& settings)
     if (got.fourcc != fourcc) continue;
     const auto width = static_cast<int>(got.width), height = static_cast<int>(got.height);
     const std::pair cost = {Distance(width, height, settings),
-                            !ReachesRate(*info, width, height, settings.rate)};
+                            !ReachesRate(node, fourcc, width, height, settings.rate)};
     if (best != 0 && cost >= best_cost) continue;
     best = fourcc;
     best_cost = cost;
