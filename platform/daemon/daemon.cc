@@ -7,6 +7,7 @@
 #include <sys/signalfd.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cinttypes>
 #include <csignal>
 #include <cstdio>
@@ -22,6 +23,7 @@
 #include "platform/daemon/notify.h"
 #include "platform/daemon/pipeline.h"
 #include "platform/log.h"
+#include "platform/publish/mqtt_output.h"
 #include "platform/publish/server.h"
 
 namespace viewfix {
@@ -60,7 +62,8 @@ class Daemon {
   Health health_;
   ModelHolder models_;
   std::unique_ptr<Publisher> publisher_;
-  Server* server_ = nullptr;  // publisher_'s; null: none
+  Server* server_ = nullptr;                 // publisher_'s; null: none
+  std::atomic<MqttOutput*> mqtt_ = nullptr;  // the same; read by the server's thread
   std::unique_ptr<Pipeline> pipeline_;
   int signals_ = -1;
   int ended_ = -1;  // an eventfd: the pipeline has ended
@@ -110,6 +113,12 @@ Status Daemon::OpenPublishers() {
     server_ = server->get();
     outputs.push_back(std::move(*server));
   }
+  if (!settings.mqtt_url.empty()) {
+    Result<std::unique_ptr<MqttOutput>> mqtt = MakeMqttOutput(settings);
+    if (!mqtt.ok()) return mqtt.status();
+    mqtt_ = mqtt->get();
+    outputs.push_back(std::move(*mqtt));
+  }
   if (settings.to_stdout) {
     outputs.push_back(live_ ? MakeDroppingPublisher(STDOUT_FILENO)
                             : MakeStreamPublisher(STDOUT_FILENO, [this] {
@@ -122,8 +131,12 @@ Status Daemon::OpenPublishers() {
 }
 
 ServerContent Daemon::ServedContent() {
-  return {[this](const PublishCounts& counts) { return health_.Json(counts); },
-          [this](const PublishCounts& counts) { return health_.Metrics(counts); },
+  const auto with_mqtt = [this](PublishCounts counts) {
+    if (const MqttOutput* mqtt = mqtt_; mqtt != nullptr) counts.dropped_lines += mqtt->dropped();
+    return counts;
+  };
+  return {[=, this](const PublishCounts& counts) { return health_.Json(with_mqtt(counts)); },
+          [=, this](const PublishCounts& counts) { return health_.Metrics(with_mqtt(counts)); },
           [this] { return health_.State() == "ok"; },
           [this]() -> std::shared_ptr<const ModelView> {
             const std::shared_ptr<LoadedModel> model = models_.Current();
@@ -167,6 +180,7 @@ int Daemon::Run() {
   Watch();
   notifier_.Send("STOPPING=1");
   pipeline_->Stop();
+  mqtt_ = nullptr;
   publisher_.reset();
   return ExitCode();
 }

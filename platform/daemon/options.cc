@@ -10,6 +10,7 @@
 
 #include "engine/image/image_view.h"
 #include "platform/daemon/config_file.h"
+#include "platform/publish/mqtt_output.h"
 
 namespace viewfix {
 namespace {
@@ -146,8 +147,13 @@ std::string TakeOutput(std::string_view output, PublishSettings& publish) {
     return size > 0 && size <= kMaxSocketPath ? "" : "unix needs a path of at most 107 bytes";
   } else if (output.rfind(kHttp, 0) == 0) {
     return TakeHttp(output.substr(kHttp.size()), publish);
+  } else if (output.rfind("mqtt", 0) == 0) {
+    // "mqtt:mqtt://..." too: every output begins with its kind.
+    publish.mqtt_url = output.substr(output.rfind("mqtt:mqtt", 0) == 0 ? 5 : 0);
+    MqttAddress address;
+    return ParseMqttUrl(publish.mqtt_url, address);
   } else if (output != "none") {
-    return "this build has stdout, unix:PATH, http:PORT and none";
+    return "not stdout, unix:PATH, http:PORT, mqtt://HOST/TOPIC or none";
   }
   return {};
 }
@@ -156,6 +162,7 @@ std::string TakePublish(const std::string& value, DaemonOptions& options) {
   PublishSettings& publish = options.publish;
   publish.to_stdout = false;
   publish.unix_path.clear();
+  publish.mqtt_url.clear();
   publish.http_port = 0;
   publish.http_address = PublishSettings().http_address;
   std::string_view rest = value;
@@ -171,6 +178,21 @@ std::string TakePublish(const std::string& value, DaemonOptions& options) {
 
 std::string TakeTokenFile(const std::string& value, DaemonOptions& options) {
   options.publish.token_file = value;
+  return value.empty() ? "needs a file" : "";
+}
+
+std::string TakeMqttUser(const std::string& value, DaemonOptions& options) {
+  options.publish.mqtt_user = value;
+  return {};
+}
+
+std::string TakeMqttPasswordFile(const std::string& value, DaemonOptions& options) {
+  options.publish.mqtt_password_file = value;
+  return value.empty() ? "needs a file" : "";
+}
+
+std::string TakeMqttCaFile(const std::string& value, DaemonOptions& options) {
+  options.publish.mqtt_ca_file = value;
   return value.empty() ? "needs a file" : "";
 }
 
@@ -201,6 +223,9 @@ constexpr Setting kSettings[] = {
     {"loop", TakeLoop},
     {"token-file", TakeTokenFile},
     {"frame-picture", TakeFramePicture},
+    {"mqtt-user", TakeMqttUser},
+    {"mqtt-password-file", TakeMqttPasswordFile},
+    {"mqtt-ca-file", TakeMqttCaFile},
 };
 
 const Setting* FindSetting(std::string_view name) {
@@ -324,7 +349,8 @@ const char* DaemonHelp() {
   --calibration FILE   of the camera, in OpenCV's or ROS's YAML, for frames as they are after
                        --rotate; default: the camera that the site was photographed with
   --publish LIST       where fixes go, with commas: stdout (the default), unix:PATH (any number of
-                       readers), http:PORT or http:ADDRESS:PORT (see README), none
+                       readers), http:PORT or http:ADDRESS:PORT, mqtt://HOST/TOPIC or
+                       mqtts://HOST/TOPIC (where this build has it), none; see README
   --rotate DEG         turn frames clockwise first: 0, 90, 180 or 270
   --window N           adjust the poses of the last N frames together, 3 to 8, for a camera that
                        moves steadily in a map in metres; 0: each frame alone (the default)
@@ -347,6 +373,9 @@ A replay takes every frame, however long it takes, unless:
 HTTP:
   --token-file FILE    whose first line a client must know; needed beyond this machine
   --frame-picture on   serve the last frame as /frame.jpg; off by default, for privacy
+
+MQTT:
+  --mqtt-user NAME, --mqtt-password-file FILE, --mqtt-ca-file FILE
 
   --config FILE        a TOML file; keys are the options above with _ for -. Options win
   --check-config       read the configuration, say what is wrong with it, and end

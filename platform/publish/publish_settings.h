@@ -9,7 +9,11 @@ namespace viewfix {
 struct PublishSettings {
   bool to_stdout = true;
   std::string unix_path;  // empty: no socket
-  std::string mqtt_url;   // empty: no broker
+  // MQTT.
+  std::string mqtt_url;            // empty: no broker
+  std::string mqtt_user;           // empty: none
+  std::string mqtt_password_file;  // its first line
+  std::string mqtt_ca_file;        // who may vouch for the broker; empty: whom the system trusts
   // HTTP.
   int http_port = 0;                       // 0: no HTTP
   std::string http_address = "127.0.0.1";  // another needs a token
