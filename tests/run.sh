@@ -91,6 +91,7 @@ check_other_targets() {
   check "Board side without the laptop's libraries" build_board_alone
   check "Static viewfixd for aarch64" "$ROOT/toolchains/build.sh" aarch64 --no-install
   check "The same fixes on aarch64 as here" "$ROOT/tests/toolchains/aarch64_same_json.sh"
+  check "viewfixd on a virtual board" "$ROOT/tests/board/run.sh"
 }
 
 check_real_images() {

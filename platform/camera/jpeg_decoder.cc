@@ -49,7 +49,8 @@ StatusCode CodeOf(int jpeg_message) {
 // they hold none.
 class Decoder {
  public:
-  Decoder() {
+  // `lenient`: bytes between two markers, which many a webcam leaves there, are no damage.
+  explicit Decoder(bool lenient = false) : lenient_(lenient) {
     info_.err = jpeg_std_error(&errors_);
     errors_.error_exit = OnError;
     errors_.emit_message = OnMessage;
@@ -73,10 +74,12 @@ class Decoder {
     return {};
   }
 
-  Status ReadPixels(GreyImage& image) {
-    image.width = static_cast<int>(info_.image_width);
-    image.height = static_cast<int>(info_.image_height);
-    image.pixels.resize(std::size_t{info_.image_width} * info_.image_height);
+  // `enough_side`: as of DecodeJpegReduced; 0: whole.
+  Status ReadPixels(int enough_side, GreyImage& image) {
+    Reduce(enough_side);
+    image.width = static_cast<int>(info_.output_width);
+    image.height = static_cast<int>(info_.output_height);
+    image.pixels.resize(std::size_t{info_.output_width} * info_.output_height);
     return GuardedReadPixels(image.pixels.data()) ? Status() : Failure();
   }
 
@@ -92,6 +95,19 @@ class Decoder {
   }
 
  private:
+  void Reduce(int enough_side) {
+    const int side = static_cast<int>(std::max(info_.image_width, info_.image_height));
+    unsigned shrink = 1;
+    while (enough_side > 0 && shrink < 8 && side / static_cast<int>(2 * shrink) >= enough_side) {
+      shrink *= 2;
+    }
+    info_.scale_num = 1;
+    info_.scale_denom = shrink;
+    // As libjpeg rounds, which says it only once it has begun.
+    info_.output_width = (info_.image_width + shrink - 1) / shrink;
+    info_.output_height = (info_.image_height + shrink - 1) / shrink;
+  }
+
   bool GuardedReadHeader(std::span<const std::uint8_t> bytes) {
     if (setjmp(leave_) != 0) return false;
     jpeg_create_decompress(&info_);
@@ -137,7 +153,9 @@ class Decoder {
   // block does not touch the pixels.
   static void OnMessage(j_common_ptr info, int level) {
     const int code = info->err->msg_code;
-    if (level < 0 && code != JWRN_JFIF_MAJOR && code != JWRN_ADOBE_XFORM) OnError(info);
+    if (level >= 0 || code == JWRN_JFIF_MAJOR || code == JWRN_ADOBE_XFORM) return;
+    if (code == JWRN_EXTRANEOUS_DATA && static_cast<Decoder*>(info->client_data)->lenient_) return;
+    OnError(info);
   }
 
   static void OnProgress(j_common_ptr info) {
@@ -149,6 +167,7 @@ class Decoder {
   jpeg_decompress_struct info_ = {};
   jpeg_error_mgr errors_ = {};
   jpeg_progress_mgr progress_ = {};
+  const bool lenient_;
   bool too_many_scans_ = false;
   std::jmp_buf leave_;
 };
@@ -162,13 +181,22 @@ Status DecodeJpeg(std::span<const std::uint8_t> bytes, GreyImage& image, ExifInf
   const ExifInfo found = decoder.exif();
   GreyImage stored;
   GreyImage& pixels = found.orientation == 1 ? image : stored;
-  if (Status status = decoder.ReadPixels(pixels); !status.ok()) {
+  if (Status status = decoder.ReadPixels(0, pixels); !status.ok()) {
     image.width = image.height = 0;
     return status;
   }
   if (found.orientation != 1) Orient(stored, found.orientation, image);
   if (exif != nullptr) *exif = found;
   return {};
+}
+
+Status DecodeJpegReduced(std::span<const std::uint8_t> bytes, int enough_side, GreyImage& image) {
+  image.width = image.height = 0;
+  Decoder decoder(/*lenient=*/true);
+  Status status = decoder.ReadHeader(bytes);
+  if (status.ok()) status = decoder.ReadPixels(enough_side, image);
+  if (!status.ok()) image.width = image.height = 0;
+  return status;
 }
 
 }  // namespace viewfix

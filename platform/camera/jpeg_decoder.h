@@ -32,4 +32,8 @@ struct ExifInfo {
 // kMaxImageSide / kMaxImagePixels are kUnsupported.
 Status DecodeJpeg(std::span<const std::uint8_t> bytes, GreyImage& image, ExifInfo* exif = nullptr);
 
+// The same of a camera's frame: no EXIF, and shrunk by libjpeg to 1/2, 1/4 or 1/8 as long as its
+// longer side stays at least `enough_side` pixels, which saves most of the decoding.
+Status DecodeJpegReduced(std::span<const std::uint8_t> bytes, int enough_side, GreyImage& image);
+
 }  // namespace viewfix

@@ -1,96 +1,65 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include <unistd.h>
-
-#include <cinttypes>
-#include <csignal>
 #include <cstdio>
-#include <memory>
 #include <string>
-#include <vector>
+#include <string_view>
 
-#include "engine/fix_filter.h"
-#include "engine/localizer.h"
-#include "models/model_view.h"
-#include "platform/camera/calibration.h"
-#include "platform/camera/frame_source.h"
-#include "platform/clock.h"
+#include "platform/camera/v4l2/v4l2_camera.h"
+#include "platform/daemon/daemon.h"
 #include "platform/daemon/options.h"
-#include "platform/daemon/run_loop.h"
-#include "platform/file.h"
-#include "platform/publish/fix_writer.h"
-#include "platform/publish/publisher.h"
 
 namespace viewfix {
 namespace {
 
-volatile std::sig_atomic_t g_stop = 0;
-
-void OnStopSignal(int) { g_stop = 1; }
-
-// No SA_RESTART: a signal must end a write that waits for its reader.
-void HandleSignals() {
-  struct sigaction stop = {};
-  stop.sa_handler = OnStopSignal;
-  sigaction(SIGINT, &stop, nullptr);
-  sigaction(SIGTERM, &stop, nullptr);
-  std::signal(SIGPIPE, SIG_IGN);
+int WrongUsage(const std::string& what) {
+  std::fprintf(stderr, "viewfixd: %s (see viewfixd --help)\n", what.c_str());
+  return 2;
 }
 
-int Fail(const Status& status) {
-  PrintFault(status);
-  return 1;
-}
-
-int Run(const DaemonOptions& options) {
-  HandleSignals();
-  const Result<std::vector<std::uint8_t>> bytes = ReadFile(options.model_path);
-  if (!bytes.ok()) return Fail(bytes.status());
-  const Result<ModelView> model = ModelView::Open(*bytes);
-  if (!model.ok()) return Fail(AboutFile(options.model_path, model.status()));
-  Result<Localizer> localizer =
-      Localizer::Create(*model, {.now_ns = MonotonicNs, .window = options.window});
-  if (!localizer.ok()) return Fail(AboutFile(options.model_path, localizer.status()));
-  Camera camera;
-  if (!options.calibration_path.empty()) {
-    const Result<Camera> read = ReadCalibration(options.calibration_path);
-    if (!read.ok()) return Fail(read.status());
-    camera = *read;
+int RunOrCheck(const CommandLine& line) {
+  DaemonOptions options;
+  if (const std::string fault = LoadOptions(line, options); !fault.empty()) {
+    return WrongUsage(fault);
   }
-  const Result<std::unique_ptr<FrameSource>> source = OpenReplay(options.replay_folder);
-  if (!source.ok()) return Fail(source.status());
+  if (line.action == CommandLine::Action::kRun) return RunDaemon(line, options);
+  std::puts("viewfixd: the configuration is good");
+  return 0;
+}
 
-  FixWriter writer(*model);
-  const std::unique_ptr<Publisher> publisher = MakeStreamPublisher(STDOUT_FILENO);
-  FixFilter filter(*model);
-  RunReport report;
-  const Status status =
-      RunLoop(**source, options.rotate_deg, options.calibration_path.empty() ? nullptr : &camera,
-              *localizer, options.filter ? &filter : nullptr, writer, *publisher, g_stop, report);
-  if (status.code() == StatusCode::kCancelled && g_stop == 0) return 0;  // as in `| head`
-  if (!status.ok() && g_stop == 0) return Fail(status);
-  std::fprintf(stderr,
-               "viewfixd: %" PRIu64 " frames, %" PRIu64 " localized, %" PRIu64 " unusable\n",
-               report.frames, report.localized, report.failed);
-  if (report.frames > 0 || report.failed == 0) return 0;
-  return Fail({StatusCode::kCorrupt, "no frame could be used", options.replay_folder});
+int Cameras(int argc, char** argv) {
+  if (argc > 1) return WrongUsage(std::string("unexpected argument ") + argv[1]);
+  std::fputs(DescribeCameras(RealV4l2System()).c_str(), stdout);
+  return 0;
+}
+
+struct Subcommand {
+  std::string_view name;
+  int (*run)(int argc, char** argv);  // argv[0] is the name
+};
+
+constexpr Subcommand kSubcommands[] = {{"cameras", Cameras}};
+
+// The daemon itself: what is not a subcommand.
+int RunAsDaemon(int argc, char** argv) {
+  const CommandLine line = ParseCommandLine(argc, argv);
+  switch (line.action) {
+    case CommandLine::Action::kHelp:
+      std::fputs(DaemonHelp(), stdout);
+      return 0;
+    case CommandLine::Action::kVersion:
+      std::puts("viewfixd " VIEWFIX_VERSION);
+      return 0;
+    case CommandLine::Action::kWrongUsage:
+      return WrongUsage(line.error);
+    default:
+      return RunOrCheck(line);
+  }
 }
 
 int Main(int argc, char** argv) {
-  const DaemonOptions options = ParseDaemonOptions(argc, argv);
-  switch (options.action) {
-    case DaemonOptions::Action::kHelp:
-      std::fputs(DaemonHelp(), stdout);
-      return 0;
-    case DaemonOptions::Action::kVersion:
-      std::puts("viewfixd " VIEWFIX_VERSION);
-      return 0;
-    case DaemonOptions::Action::kWrongUsage:
-      std::fprintf(stderr, "viewfixd: %s (see viewfixd --help)\n", options.error.c_str());
-      return 2;
-    case DaemonOptions::Action::kRun:
-      return Run(options);
+  for (const Subcommand& command : kSubcommands) {
+    if (argc > 1 && command.name == argv[1]) return command.run(argc - 1, argv + 1);
   }
-  return 2;
+  return RunAsDaemon(argc, argv);
 }
 
 }  // namespace

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 
 #include "engine/base/location_name.h"
 
@@ -16,30 +15,6 @@ constexpr std::size_t kMaxNameBytes = 255;
 constexpr std::size_t kMaxNames = 2 + Fix::kMaxRivals;  // location, view or guess, rivals
 constexpr std::size_t kMaxRestBytes = 2048;
 static_assert(kMaxNames * (6 * kMaxNameBytes + 3) + kMaxRestBytes <= JsonLine::kCapacity);
-
-// RFC 3339 in UTC with milliseconds: "2026-05-04T03:02:01.000Z".
-void AppendTime(std::int64_t utc_ns, JsonLine& line) {
-  using namespace std::chrono;
-  const sys_time<milliseconds> time(floor<milliseconds>(nanoseconds(utc_ns)));
-  const auto day = floor<days>(time);
-  const year_month_day date(day);
-  const hh_mm_ss clock(time - day);
-  line.Raw("\"");
-  line.Digits(int{date.year()}, 4);
-  line.Raw("-");
-  line.Digits(unsigned{date.month()}, 2);
-  line.Raw("-");
-  line.Digits(unsigned{date.day()}, 2);
-  line.Raw("T");
-  line.Digits(clock.hours().count(), 2);
-  line.Raw(":");
-  line.Digits(clock.minutes().count(), 2);
-  line.Raw(":");
-  line.Digits(clock.seconds().count(), 2);
-  line.Raw(".");
-  line.Digits(clock.subseconds().count(), 3);
-  line.Raw("Z\"");
-}
 
 void AppendFloats(std::span<const float> values, JsonLine& line) {
   const char* separator = "[";
@@ -76,7 +51,7 @@ void FixWriter::Times(const FrameTimes& times) {
   line_.Raw(",\"capture_time_ns\":");
   line_.Integer(times.capture_time_ns);
   line_.Raw(",\"time\":");
-  AppendTime(times.capture_utc_ns, line_);
+  line_.Time(times.capture_utc_ns);
   line_.Raw(",\"age_ms\":");
   line_.Float(static_cast<float>(times.age_ns) * 1e-6F);
   line_.Raw(",\"model\":");

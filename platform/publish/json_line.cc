@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <chrono>
 #include <cmath>
 
 #include "platform/utf8.h"
@@ -59,6 +60,29 @@ void JsonLine::Digits(std::int64_t value, int width) {
     if (value < limit) Raw("0");
   }
   Integer(value);
+}
+
+void JsonLine::Time(std::int64_t utc_ns) {
+  using namespace std::chrono;
+  const sys_time<milliseconds> time(floor<milliseconds>(nanoseconds(utc_ns)));
+  const auto day = floor<days>(time);
+  const year_month_day date(day);
+  const hh_mm_ss clock(time - day);
+  Raw("\"");
+  Digits(int{date.year()}, 4);
+  Raw("-");
+  Digits(unsigned{date.month()}, 2);
+  Raw("-");
+  Digits(unsigned{date.day()}, 2);
+  Raw("T");
+  Digits(clock.hours().count(), 2);
+  Raw(":");
+  Digits(clock.minutes().count(), 2);
+  Raw(":");
+  Digits(clock.seconds().count(), 2);
+  Raw(".");
+  Digits(clock.subseconds().count(), 3);
+  Raw("Z\"");
 }
 
 }  // namespace viewfix

@@ -26,6 +26,8 @@ class JsonLine {
   void Float(float value);
   // At least `width` digits, zeros in front.
   void Digits(std::int64_t value, int width);
+  // RFC 3339 in UTC with milliseconds, as a string: "2026-05-04T03:02:01.000Z".
+  void Time(std::int64_t utc_ns);
 
  private:
   void EscapedByte(char byte);

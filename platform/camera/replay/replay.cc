@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include "platform/camera/replay/replay.h"
+
 #include <algorithm>
 #include <cctype>
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <filesystem>
+#include <mutex>
 #include <system_error>
 #include <utility>
 #include <vector>
 
-#include "platform/camera/frame_source.h"
 #include "platform/clock.h"
 #include "platform/csv.h"
 #include "platform/file.h"
@@ -57,23 +61,26 @@ Result<std::vector<fs::path>> ListCsv(const fs::path& csv) {
   return names;
 }
 
-class Replay : public FrameSource {
+class Folder : public Recording {
  public:
-  Replay(fs::path folder, std::vector<fs::path> names)
+  Folder(fs::path folder, std::vector<fs::path> names)
       : folder_(std::move(folder)), names_(std::move(names)) {}
 
   Status Next(Frame& frame) override {
     if (next_ == names_.size()) return {StatusCode::kNotFound, "end of replay"};
-    const fs::path& name = names_[next_];
+    const fs::path& name = names_[next_++];
     const fs::path path = folder_ / name;
-    frame.sequence = next_++;
     frame.name = name.string();
-    frame.capture_time_ns = MonotonicNs();
     const Result<std::vector<std::uint8_t>> bytes = ReadFile(path.string());
     // Not kNotFound, which would say that the source has ended.
     if (!bytes.ok()) return {StatusCode::kIo, bytes.status().text(), bytes.status().detail()};
     const Status status = DecodeJpeg(*bytes, frame.image);
     return status.ok() ? status : AboutFile(path.string(), status);
+  }
+
+  Status Rewind() override {
+    next_ = 0;
+    return {};
   }
 
  private:
@@ -82,22 +89,102 @@ class Replay : public FrameSource {
   std::size_t next_ = 0;
 };
 
+constexpr double kDefaultRate = 10;  // frames a second, in real time
+
+class Replay : public FrameSource {
+ public:
+  Replay(std::unique_ptr<Recording> recording, const CameraSettings& settings)
+      : recording_(std::move(recording)),
+        loop_(settings.loop),
+        interval_(!settings.real_time ? 0
+                                      : 1e9 / (settings.rate > 0 ? settings.rate : kDefaultRate)),
+        next_time_(MonotonicNs()) {}
+
+  Status Next(Frame& frame) override {
+    if (!WaitUntilDue()) return {StatusCode::kCancelled, "not yet"};
+    frame.sequence = sequence_++;
+    frame.capture_time_ns = MonotonicNs();
+    Status status = recording_->Next(frame);
+    // A recording without a frame has no second round.
+    if (status.code() == StatusCode::kNotFound && loop_ && sequence_ > round_began_ + 1) {
+      if (status = recording_->Rewind(); status.ok()) status = recording_->Next(frame);
+      round_began_ = frame.sequence;
+    }
+    return status;
+  }
+
+  bool live() const override { return interval_ > 0; }
+
+  void Wake() override {
+    const std::lock_guard lock(mutex_);
+    woken_ = true;
+    wake_.notify_all();
+  }
+
+  CameraCondition condition() const override { return {true, "replay"}; }
+  CameraCounts counts() const override { return {.delivered = sequence_}; }
+
+ private:
+  bool WaitUntilDue() {
+    if (interval_ == 0) return true;
+    std::unique_lock lock(mutex_);
+    woken_ = false;
+    const std::int64_t wait_ns = next_time_ - MonotonicNs();
+    if (wait_ns > 0 &&
+        wake_.wait_for(lock, std::chrono::nanoseconds(wait_ns), [&] { return woken_; })) {
+      return false;
+    }
+    // Whoever reads too slowly gets no burst later.
+    next_time_ = std::max(next_time_ + static_cast<std::int64_t>(interval_), MonotonicNs());
+    return true;
+  }
+
+  std::unique_ptr<Recording> recording_;
+  const bool loop_;
+  const double interval_;  // nanoseconds; 0: full speed
+  std::int64_t next_time_;
+  std::uint64_t sequence_ = 0;
+  std::uint64_t round_began_ = 0;
+  std::mutex mutex_;
+  std::condition_variable wake_;
+  bool woken_ = false;
+};
+
 }  // namespace
 
-Result<std::unique_ptr<FrameSource>> OpenReplay(const std::string& folder) {
+Result<std::unique_ptr<Recording>> OpenFolder(const std::string& folder) {
   std::error_code error;
-  const fs::file_status kind = fs::status(folder, error);
-  if (kind.type() == fs::file_type::not_found) {
-    return Status(StatusCode::kNotFound, "no such folder", folder);
-  }
-  if (error) return Refused("cannot open folder", folder, error);
-  if (!fs::is_directory(kind)) return Status(StatusCode::kInvalidArgument, "not a folder", folder);
   const fs::path csv = fs::path(folder) / "images.csv";
   Result<std::vector<fs::path>> names =
       fs::exists(csv, error) ? ListCsv(csv) : ListJpegs(fs::path(folder));
   if (!names.ok()) return names.status();
   if (names->empty()) return Status(StatusCode::kNotFound, "no JPEG image in", folder);
-  return std::unique_ptr<FrameSource>(std::make_unique<Replay>(folder, std::move(*names)));
+  return std::unique_ptr<Recording>(std::make_unique<Folder>(folder, std::move(*names)));
+}
+
+std::unique_ptr<FrameSource> MakeReplay(std::unique_ptr<Recording> recording,
+                                        const CameraSettings& settings) {
+  return std::make_unique<Replay>(std::move(recording), settings);
+}
+
+Result<std::unique_ptr<FrameSource>> OpenReplay(const CameraSettings& settings) {
+  const std::string& where = settings.where;
+  std::error_code error;
+  const fs::file_status kind = fs::status(where, error);
+  if (kind.type() == fs::file_type::not_found) {
+    return Status(StatusCode::kNotFound, "no such folder or video", where);
+  }
+  if (error) return Refused("cannot open", where, error);
+  Result<std::unique_ptr<Recording>> recording =
+      fs::is_directory(kind) ? OpenFolder(where) : OpenVideo(where);
+  if (!recording.ok()) return recording.status();
+  return MakeReplay(std::move(*recording), settings);
+}
+
+Result<std::unique_ptr<FrameSource>> OpenReplay(const std::string& folder) {
+  CameraSettings settings;
+  settings.where = folder;
+  return OpenReplay(settings);
 }
 
 }  // namespace viewfix

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <gmock/gmock.h>
 
+#include <chrono>
+#include <thread>
+
 #include "platform/camera/frame_source.h"
 #include "platform/clock.h"
 #include "tests/testing/jpeg_encoder.h"
@@ -105,10 +108,51 @@ TEST(ReplayTest, RefusesWhatHoldsNoFrames) {
   const TempFolder folder;
   EXPECT_THAT(Play(folder), ElementsAre("no JPEG image in"));
   const std::string file = folder.Write("one.txt", "text");
-  EXPECT_EQ(OpenReplay(file).status().code(), StatusCode::kInvalidArgument);
+  // No video; or nobody here could tell, without ffmpeg.
+  EXPECT_THAT(OpenReplay(file).status().code(),
+              testing::AnyOf(StatusCode::kCorrupt, StatusCode::kUnsupported));
   const Status missing = OpenReplay(folder / "none").status();
   EXPECT_EQ(missing.code(), StatusCode::kNotFound);
   EXPECT_THAT(std::string(missing.detail()), HasSubstr("none"));
+}
+
+TEST(ReplayTest, ALoopGoesOnCounting) {
+  const TempFolder folder;
+  folder.Write("1.jpg", Jpeg(10));
+  folder.Write("2.jpg", Jpeg(20));
+  CameraSettings settings;
+  settings.where = folder.path();
+  settings.loop = true;
+  const auto source = OpenReplay(settings);
+  ASSERT_TRUE(source.ok());
+  EXPECT_FALSE((*source)->live());
+  Frame frame;
+  for (std::uint64_t i = 0; i < 7; ++i) {
+    ASSERT_TRUE((*source)->Next(frame).ok());
+    EXPECT_EQ(frame.sequence, i);
+    EXPECT_EQ(frame.name, i % 2 == 0 ? "1.jpg" : "2.jpg");
+  }
+}
+
+TEST(ReplayTest, RealTimeIsWokenFromItsWait) {
+  const TempFolder folder;
+  folder.Write("1.jpg", Jpeg(10));
+  folder.Write("2.jpg", Jpeg(20));
+  CameraSettings settings;
+  settings.where = folder.path();
+  settings.real_time = true;
+  settings.rate = 0.01;
+  const auto source = OpenReplay(settings);
+  ASSERT_TRUE(source.ok());
+  EXPECT_TRUE((*source)->live());
+  Frame frame;
+  EXPECT_TRUE((*source)->Next(frame).ok());  // the first comes at once, the next in 100 s
+  std::thread waker([&] {
+    std::this_thread::sleep_for(std::chrono::milliseconds(50));
+    (*source)->Wake();
+  });
+  EXPECT_EQ((*source)->Next(frame).code(), StatusCode::kCancelled);
+  waker.join();
 }
 
 TEST(ReplayTest, RefusesABrokenCsv) {

@@ -172,7 +172,6 @@ TEST_F(ViewfixdTest, WrongUsageIsTwo) {
       {"--nonsense"},
       {"-x"},
       {"--model", model_, "--camera", "replay:"},
-      {"--model", model_, "--camera", "v4l2:/dev/video0"},
       {"--model", model_, "--camera", "replay:walk", "--rotate", "45"},
       {"--model", model_, "--camera", "replay:walk", "--publish", "mqtt:here"},
       {"--model", model_, "--camera", "replay:walk", "more"},

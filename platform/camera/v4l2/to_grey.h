@@ -1,0 +1,41 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "engine/base/status.h"
+#include "platform/camera/jpeg_decoder.h"
+
+namespace viewfix {
+
+// Pixels as a driver hands them over. Multi-planar formats with separate memory give their first
+// plane, which holds the luma.
+struct RawImage {
+  std::uint32_t fourcc = 0;  // V4L2_PIX_FMT_...
+  int width = 0;
+  int height = 0;
+  std::size_t row_bytes = 0;   // of the first plane; 0: rows without padding
+  bool limited_range = false;  // luma 16..235 stands for black..white
+  std::span<const std::uint8_t> bytes;
+};
+
+// Whether ToGrey() knows the format.
+bool KnowsPixelFormat(std::uint32_t fourcc);
+
+// Bytes of a row without padding; 0: compressed or unknown.
+std::size_t RowBytes(std::uint32_t fourcc, int width);
+
+// Bytes that ToGrey() reads of an image; 0: compressed or unknown.
+std::size_t LumaBytes(const RawImage& raw);
+
+// Grey pixels of `raw`. YUV: luma as it is, or stretched where it is said to be limited; RGB:
+// (77 r + 150 g + 29 b) / 256; Bayer: the mean of each pixel and its three neighbours to the right
+// and below, which always are one red, two green and one blue; Y10, Y12, Y16: the upper eight bits.
+// MJPEG is decoded at 1/2, 1/4 or 1/8 as long as its longer side stays at least `enough_side`.
+// kCorrupt: too few bytes, or a JPEG that does not decode; kUnsupported: another format. Equal
+// bytes give equal pixels on every processor. Allocates only where `grey` is too small (MJPEG:
+// what libjpeg needs).
+Status ToGrey(const RawImage& raw, int enough_side, GreyImage& grey);
+
+}  // namespace viewfix

@@ -1,0 +1,116 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Fetches what the virtual board is made of: Debian's arm64 kernel, vivid and what
+# it needs, a busybox, and v4l2loopback built against that kernel.
+#
+#   tests/board/fetch_machine.sh DIR
+#
+# Leaves DIR/vmlinuz, DIR/busybox and DIR/modules/NN-NAME.ko in loading order. Installs
+# nothing, needs no root. Does nothing where DIR is complete already.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
+source "$ROOT/toolchains/debian_sources.sh"
+
+# Of vivid, in loading order; those that the kernel has built in are passed over.
+readonly VIVID=(mc videodev videobuf2-common videobuf2-v4l2 videobuf2-memops videobuf2-vmalloc
+  videobuf2-dma-contig v4l2-dv-timings v4l2-tpg rc-core cec vivid)
+
+# An apt of its own for arm64 and the packages of every architecture.
+set_up_apt() {
+  local work=$1
+  mkdir -p "$work/lists/partial" "$work/cache/archives/partial" "$work/sources"
+  copy_debian_sources "$work/sources"
+  [[ -s $work/sources/entries ]] || die "apt's sources name no Debian $SUITE main"
+  {
+    print_apt_options
+    echo "APT::Architecture \"arm64\";"
+    echo "APT::Architectures { \"arm64\"; \"amd64\"; };"
+    echo "Dir::State::Lists \"$work/lists\";"
+    echo "Dir::Cache \"$work/cache\";"
+    echo "Dir::Etc::SourceList \"$work/sources/debian.list\";"
+    echo "Dir::Etc::SourceParts \"$work/sources\";"
+    echo "Dir::State::status \"$work/status\";"
+  } > "$work/apt.conf"
+  : > "$work/status"
+  APT_CONFIG="$work/apt.conf" apt-get update -q
+}
+
+# fetch WORK PACKAGE...: unpacked into WORK/root.
+fetch() {
+  local work=$1 deb
+  shift
+  rm -f "$work"/*.deb
+  (cd "$work" && APT_CONFIG="$work/apt.conf" apt-get download -q "$@")
+  for deb in "$work"/*.deb; do
+    dpkg-deb -x "$deb" "$work/root"
+  done
+}
+
+# The package that linux-image-arm64 stands for.
+kernel_package() {
+  APT_CONFIG="$1/apt.conf" apt-cache show linux-image-arm64 |
+    sed -nE 's/^Depends: (linux-image-[^ ,]+).*/\1/p' | head -n 1
+}
+
+copy_modules() {
+  local root=$1 dir=$2 version=$3 number=10 name file
+  mkdir -p "$dir/modules"
+  for name in "${VIVID[@]}"; do
+    file=$(find "$root/lib/modules/$version" -name "$name.ko*" | head -n 1)
+    [[ -n $file ]] || continue
+    case $file in
+      *.xz) xz -dc "$file" > "$dir/modules/$number-$name.ko" ;;
+      *) cp "$file" "$dir/modules/$number-$name.ko" ;;
+    esac
+    number=$((number + 1))
+  done
+  [[ -s $(echo "$dir"/modules/*-vivid.ko) ]] || die "the kernel has no vivid"
+}
+
+# v4l2loopback's source against the kernel's headers. The headers' own tools are
+# of this machine's architecture here, as for any cross build.
+build_loopback() {
+  local work=$1 dir=$2 version=$3 headers common
+  headers=$work/root/usr/src/linux-headers-$version
+  common=$work/root/usr/src/linux-headers-${version%-arm64}-common
+  # Paths in the headers start at /; here they start at the folder they were unpacked to.
+  find "$work/root/usr" -type l -lname '/*' | while read -r link; do
+    ln -sfn "$work/root$(readlink "$link")" "$link"
+  done
+  sed -i "s|/usr/src/|$work/root/usr/src/|g; s|/usr/lib/|$work/root/usr/lib/|g" "$headers/Makefile"
+  sed -i "s|/usr/src/|$work/root/usr/src/|g" "$common/Makefile"
+  cp -r "$work"/root/usr/src/v4l2loopback-* "$work/loopback"
+  make -s -C "$headers" M="$work/loopback" ARCH=arm64 CROSS_COMPILE=aarch64-linux-gnu- \
+    CC=aarch64-linux-gnu-gcc modules
+  aarch64-linux-gnu-strip --strip-debug -o "$dir/modules/30-v4l2loopback.ko" \
+    "$work/loopback/v4l2loopback.ko"
+}
+
+main() {
+  [[ ${1:-} != -h && ${1:-} != --help ]] || { print_help; return; }
+  [[ $# -eq 1 ]] || usage_error "expected DIR"
+  local dir=$1 kernel version
+  if [[ -e $dir/complete ]]; then
+    echo "The virtual board's parts are in $dir."
+    return
+  fi
+  mkdir -p "$ROOT/build"
+  work=$(mktemp -d "$ROOT/build/board-fetch.XXXXXX")
+  trap 'rm -rf "$work"' EXIT
+  set_up_apt "$work"
+  kernel=$(kernel_package "$work")
+  [[ -n $kernel ]] || die "Debian has no linux-image-arm64"
+  version=${kernel#linux-image-}
+  echo "Fetching $kernel."
+  fetch "$work" "$kernel:arm64" busybox-static:arm64 "linux-headers-$version:arm64" \
+    "linux-headers-${version%-arm64}-common:all" v4l2loopback-dkms:all linux-kbuild-6.1:amd64
+  rm -rf "$dir"
+  mkdir -p "$dir"
+  copy_modules "$work/root" "$dir" "$version"
+  build_loopback "$work" "$dir" "$version"
+  cp "$work/root/boot/vmlinuz-$version" "$dir/vmlinuz"
+  cp "$work/root/bin/busybox" "$dir/busybox"
+  echo "$version" > "$dir/complete"
+}
+
+main "$@"

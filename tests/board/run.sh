@@ -1,0 +1,140 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# The virtual board: an emulated 64-bit ARM machine with Debian's kernel boots, and
+# the static viewfixd runs on its V4L2 devices: vivid for pixel formats and for every fault
+# that it can inject, v4l2loopback for photographs whose fixes must be this machine's.
+#
+#   tests/board/run.sh [--set FOLDER --model FILE]
+#
+# --set, --model  the photographs and the model; default: a small museum, rendered
+#                 and trained on the way
+#
+# Needs the builds host-release and aarch64-release (made here if they are not there),
+# qemu-system-aarch64 and the cross compiler. Exit code 77: one of these is absent.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
+
+readonly HERE="$ROOT/tests/board"
+readonly MACHINE="$ROOT/build/board-machine"
+readonly WORK="$ROOT/build/board-test"
+readonly HOST_BIN="${VIEWFIX_HOST_BIN:-$ROOT/build/host-release/bin}"
+readonly BOARD_BUILD="$ROOT/build/aarch64-release"
+readonly FRAMES=6
+readonly MAX_SECONDS=300
+
+skip() {
+  echo "$*"
+  exit 77
+}
+
+check_needs() {
+  command -v qemu-system-aarch64 > /dev/null || skip "qemu-system-aarch64 is not installed"
+  command -v aarch64-linux-gnu-g++ > /dev/null || skip "aarch64-linux-gnu-g++ is not installed"
+  [[ -x $HOST_BIN/viewfixd ]] || die "$HOST_BIN/viewfixd is not built"
+}
+
+build_programs() {
+  step "Static viewfixd and board_tool"
+  "$ROOT/toolchains/make_sysroot.sh" aarch64 arm64
+  (cd "$ROOT" && cmake --preset aarch64-release -DVIEWFIX_BOARD_TOOL=ON > /dev/null &&
+    cmake --build --preset aarch64-release --target viewfixd board_tool)
+}
+
+make_museum() {
+  step "A small museum"
+  set=$WORK/museum
+  model=$WORK/museum.vfx
+  "$HOST_BIN/viewfix" simulate --out "$set" --seed 1 --images-per-view 7
+  "$HOST_BIN/viewfix" train "$set" --out "$model" --words 200
+}
+
+# Pictures of the set's test frames, and beside them one that shows nothing.
+pick_frames() {
+  local picture name number=0
+  python3 -B "$ROOT/firmware_tools/pick_frames.py" "$set" "$WORK/frames" "$FRAMES"
+  mkdir -p "$WORK/data/frames" "$WORK/expected"
+  echo path > "$WORK/expected/images.csv"
+  while IFS= read -r picture; do
+    number=$((number + 1))
+    name=$(printf %02d "$number").jpg
+    cp "$WORK/frames/$picture" "$WORK/data/frames/$name"
+    cp "$WORK/frames/$picture" "$WORK/expected/$name"
+    printf 'plain.jpg\n%s\n' "$name" >> "$WORK/expected/images.csv"
+  done < <(python3 -c 'import csv, sys
+for row in csv.DictReader(open(sys.argv[1], newline="")): print(row["path"])' "$WORK/frames/images.csv")
+  python3 -B "$HERE/plain_jpeg.py" "$WORK/data/frames/01.jpg" "$WORK/expected/plain.jpg"
+}
+
+# What this machine says of the same frames, each after one that shows nothing.
+expect_fixes() {
+  "$HOST_BIN/viewfixd" --model "$model" --camera "replay:$WORK/expected" --filter off |
+    awk 'NR % 2 == 0' > "$WORK/expected.jsonl"
+}
+
+pack() {
+  local root=$WORK/root
+  mkdir -p "$root"/{bin,data,dev,proc,sys,run,modules}
+  cp "$MACHINE/busybox" "$root/bin/"
+  ln -s busybox "$root/bin/sh"
+  cp "$MACHINE"/modules/*.ko "$root/modules/"
+  cp "$BOARD_BUILD/bin/viewfixd" "$BOARD_BUILD/bin/board_tool" "$root/bin/"
+  cp "$model" "$root/data/site.vfx"
+  cp -r "$WORK/data/frames" "$root/data/"
+  install -m 755 "$HERE/guest_init.sh" "$root/init"
+  python3 -B "$HERE/pack_initramfs.py" "$root" "$WORK/initramfs.gz"
+}
+
+boot() {
+  timeout "$MAX_SECONDS" qemu-system-aarch64 -M virt -cpu cortex-a72 -accel tcg,thread=multi \
+    -smp 2 -m 512 -nographic -no-reboot -nodefaults -serial stdio \
+    -kernel "$MACHINE/vmlinuz" -initrd "$WORK/initramfs.gz" \
+    -append "console=ttyAMA0 quiet panic=-1" < /dev/null | tr -d '\r' |
+    tee "$WORK/serial.log" | grep --line-buffered -E '^(PASS|FAIL|FIGURE|BOARD)' || true
+}
+
+# section NAME: what stands between its marks.
+section() {
+  sed -n "/^BEGIN $1\$/,/^END $1\$/p" "$WORK/serial.log" | sed '1d;$d'
+}
+
+judge() {
+  local failed
+  section fixes > "$WORK/actual.jsonl"
+  section log > "$WORK/viewfixd.log"
+  failed=$(grep -c '^FAIL' "$WORK/serial.log" || true)
+  if ! grep -q '^BOARD DONE' "$WORK/serial.log"; then
+    tail -n 20 "$WORK/serial.log"
+    die "the board did not come to its end in $MAX_SECONDS s"
+  fi
+  python3 -B "$HERE/compare_photographs.py" "$WORK/expected.jsonl" "$WORK/actual.jsonl" "$FRAMES" ||
+    failed=$((failed + 1))
+  [[ $failed -eq 0 ]] || die "$failed things failed; see $WORK"
+  echo "The virtual board: $(grep -c '^PASS' "$WORK/serial.log") things passed."
+}
+
+main() {
+  set='' model=''
+  while [[ $# -gt 0 ]]; do
+    case $1 in
+      -h | --help) print_help; return ;;
+      --set) set=$(realpath "$2"); shift ;;
+      --model) model=$(realpath "$2"); shift ;;
+      *) usage_error "unknown argument '$1'" ;;
+    esac
+    shift
+  done
+  check_needs
+  "$HERE/fetch_machine.sh" "$MACHINE" || skip "the kernel and its modules could not be fetched"
+  build_programs
+  rm -rf "$WORK"
+  mkdir -p "$WORK"
+  [[ -n $model ]] || make_museum
+  step "Boot"
+  pick_frames
+  expect_fixes
+  pack
+  boot
+  judge
+}
+
+main "$@"
