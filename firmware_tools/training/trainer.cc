@@ -8,6 +8,7 @@
 #include <set>
 
 #include "firmware_tools/training/confidence.h"
+#include "firmware_tools/training/golden_queries.h"
 #include "firmware_tools/training/histograms.h"
 #include "firmware_tools/training/kmeans.h"
 
@@ -434,6 +435,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   Json record = Record(set, options, prepared, tried);
   if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
   model.record = record.dump();
+  AddGoldenQueries(prepared.features, model);
   return result;
 }
 

@@ -12,6 +12,8 @@ constexpr std::string_view kReplay = "replay:";
 
 enum Flag : int {
   kModel = 1,
+  kStore,
+  kTrust,
   kCamera,
   kPublish,
   kCalibration,
@@ -24,6 +26,8 @@ enum Flag : int {
 
 constexpr option kFlags[] = {
     {"model", required_argument, nullptr, kModel},
+    {"store", required_argument, nullptr, kStore},
+    {"trust", required_argument, nullptr, kTrust},
     {"camera", required_argument, nullptr, kCamera},
     {"publish", required_argument, nullptr, kPublish},
     {"calibration", required_argument, nullptr, kCalibration},
@@ -62,6 +66,12 @@ std::string Take(int flag, const std::string& value, DaemonOptions& options) {
     case kModel:
       options.model_path = value;
       return {};
+    case kStore:
+      options.store_folder = value;
+      return value.empty() ? "--store needs a folder" : "";
+    case kTrust:
+      options.trust_folder = value;
+      return value.empty() ? "--trust needs a folder" : "";
     case kCamera:
       if (value.rfind(kReplay, 0) != 0 || value.size() == kReplay.size()) {
         return "--camera " + value + ": this build has replay:DIR only";
@@ -106,7 +116,12 @@ DaemonOptions ParseDaemonOptions(int argc, char** argv) {
     if (options.action != DaemonOptions::Action::kRun) return options;
   }
   if (optind < argc) return WrongUsage(std::string("unexpected argument ") + argv[optind]);
-  if (options.model_path.empty()) return WrongUsage("--model FILE is missing");
+  if (options.model_path.empty() && options.store_folder.empty()) {
+    return WrongUsage("--model FILE is missing, or --store DIR");
+  }
+  if (!options.model_path.empty() && !options.store_folder.empty()) {
+    return WrongUsage("--model and --store exclude each other");
+  }
   if (options.replay_folder.empty()) return WrongUsage("--camera replay:DIR is missing");
   return options;
 }
@@ -114,10 +129,14 @@ DaemonOptions ParseDaemonOptions(int argc, char** argv) {
 const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame on stdout.
 
-  viewfixd --model FILE --camera replay:DIR [--calibration FILE] [--publish stdout]
+  viewfixd --model FILE | --store DIR --camera replay:DIR [--calibration FILE] [--publish stdout]
            [--rotate DEG] [--window N] [--filter on|off]
 
   --model FILE         the model that `viewfix train` made
+  --store DIR          the folder of models that `viewfix flash` and `viewfixd store` fill: starts
+                       from the current one, and goes over to the next while it runs
+  --trust DIR          whose models are taken from it (default /etc/viewfix/trust); see
+                       viewfixd store --help
   --camera replay:DIR  the *.jpg of a folder in name order, or, where the folder holds
                        images.csv, the files of its path column in row order
   --calibration FILE   of the camera, in OpenCV's or ROS's YAML, for frames as they are after

@@ -12,6 +12,8 @@ struct DaemonOptions {
   Action action = Action::kRun;
   std::string error;  // kWrongUsage: what is wrong
   std::string model_path;
+  std::string store_folder;  // in place of model_path
+  std::string trust_folder = "/etc/viewfix/trust";
   std::string replay_folder;
   std::string calibration_path;  // empty: the model's camera
   bool filter = true;            // agreement over frames (engine/fix_filter.h)

@@ -13,7 +13,7 @@ import sys
 
 # The only shared libraries viewfixd may ask for (the sanitizers' in debug builds).
 BOARD_LIBRARIES = re.compile(
-    r'(libc|libm|libstdc\+\+|libgcc_s|libjpeg|libsodium|libexif|libasan|libubsan|ld-linux[\w-]*)\.so')
+    r'(libc|libm|libstdc\+\+|libgcc_s|libjpeg|libsodium|libexif|libzstd|libasan|libubsan|ld-linux[\w-]*)\.so')
 
 # Symbols, demangled, that the engine may not ask for.
 IO_SYMBOLS = re.compile(
