@@ -92,6 +92,7 @@ check_other_targets() {
   check "Static viewfixd for aarch64" "$ROOT/toolchains/build.sh" aarch64 --no-install
   check "Static viewfixd for armhf" "$ROOT/toolchains/build.sh" armhf --no-install
   check "The same fixes on ARM as here" "$ROOT/tests/toolchains/same_fixes.sh"
+  check "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"
 }
 
 check_real_images() {
