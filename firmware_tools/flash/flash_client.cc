@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <utility>
 
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/dataset/tool_file.h"
@@ -71,8 +72,8 @@ std::vector<std::uint8_t> Compress(const std::vector<std::uint8_t>& model,
   return bytes;
 }
 
-// The shortest way that this board can read.
-Packed Pack(const FlashJob& job, const std::string& board_hash) {
+// The shortest way that this board can read. `plain`: the model compressed without a base.
+Packed Pack(const FlashJob& job, std::vector<std::uint8_t> plain, const std::string& board_hash) {
   Packed packed;
   const std::vector<std::uint8_t>* base = nullptr;
   const auto is_there = [&](const std::vector<std::uint8_t>& model) {
@@ -82,7 +83,7 @@ Packed Pack(const FlashJob& job, const std::string& board_hash) {
     if (is_there(known)) base = &known;
   }
   if (is_there(job.model)) base = &job.model;
-  packed.bytes = Compress(job.model, base == nullptr ? std::vector<std::uint8_t>() : *base);
+  packed.bytes = base == nullptr ? std::move(plain) : Compress(job.model, *base);
   packed.transfer.encoding = base == nullptr ? Encoding::kZstd : Encoding::kPatch;
   if (packed.bytes.size() >= job.model.size()) {
     packed.bytes = job.model;
@@ -110,7 +111,8 @@ std::span<const std::uint8_t> AsBytes(const std::string& text) {
 FlashOutcome FlashBoard(BoardLink& link, const FlashJob& job, const FlashProgress& progress) {
   Conversation talk(link);
   Check(talk, link, talk.WriteLine(std::string(kFlashGreeting) + "install"));
-  const Packed packed = Pack(job, Expect(talk, link, "board"));
+  std::vector<std::uint8_t> plain = Compress(job.model, {});  // while the link comes about
+  const Packed packed = Pack(job, std::move(plain), Expect(talk, link, "board"));
   const Transfer& transfer = packed.transfer;
   Check(talk, link, talk.WriteLine(OfferLine(job)));
   Check(talk, link, talk.WriteLine("signature " + std::to_string(job.signature.size())));
