@@ -20,6 +20,8 @@ class MemoryDisk : public FileOps {
   // Counting from 1 from now on, the call of this number fails; once, or (`power_cut`) with all
   // that come after it. A write that fails has written half.
   void FailAt(int call, bool power_cut);
+  // From now on it says that it flushed, and does not.
+  void Lie() { lies_ = true; }
   int calls() const { return calls_; }
   bool failed() const { return fail_at_ != 0 && calls_ >= fail_at_; }
 
@@ -73,6 +75,7 @@ class MemoryDisk : public FileOps {
   int calls_ = 0;
   int fail_at_ = 0;
   bool power_cut_ = false;
+  bool lies_ = false;
 };
 
 }  // namespace viewfix

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include <cstdio>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -115,6 +116,64 @@ TEST_P(PowerCutTest, ACallThatFailsIsAnErrorAndNoMore) {
   std::printf("failing calls, %s: %d, %d of them errors, all whole\n", GetParam().name, calls,
               errors);
   EXPECT_GT(errors, 15);
+}
+
+// Once the laptop was told "installed", no power cut takes it back; on a disk that only says that
+// it flushes it would, and the old model would still be whole.
+TEST_P(PowerCutTest, WhatWasInstalledStays) {
+  for (const bool lies : {false, true}) {
+    MemoryDisk disk;
+    Prepare(disk);
+    if (lies) disk.Lie();
+    ASSERT_TRUE(InstallNew(disk).ok());
+    int lost = 0;
+    for (const Unflushed bytes : kAllUnflushed) {
+      for (int names = 0; names <= disk.unflushed_names(); ++names) {
+        const auto after = disk.AfterPowerCut(bytes, names);
+        ExpectWhole(*after, lies ? "a disk that lies" : "a good disk");
+        const Result<LoadedModel> loaded = Store(*after, trust_).Load();
+        lost += loaded.ok() && loaded->bytes == new_ ? 0 : 1;
+      }
+    }
+    EXPECT_EQ(lost > 0, lies);
+  }
+}
+
+// What the daemon and the administrator do with a store that has two models.
+TEST_P(PowerCutTest, StartsConfirmsRollbacksAndGcLeaveWholeModels) {
+  using Action = std::function<void(Store&)>;
+  const std::vector<Action> actions = {
+      [](Store& store) { static_cast<void>(store.CountStart(store.State()->current)); },
+      [](Store& store) { static_cast<void>(store.Confirm(store.State()->current)); },
+      [](Store& store) { static_cast<void>(store.Rollback()); },
+      [](Store& store) { static_cast<void>(store.Gc(2)); }};
+  int cut_points = 0;
+  for (const Action& action : actions) {
+    for (int call = 1;; ++call) {
+      MemoryDisk disk;
+      Prepare(disk);
+      ASSERT_TRUE(InstallNew(disk).ok());
+      // Some actions ask for the state themselves first, which must not fail.
+      const int asked = [&] {
+        disk.FailAt(0, false);
+        static_cast<void>(Store(disk, trust_).State());
+        return disk.calls();
+      }();
+      disk.FailAt(asked + call, true);
+      Store store(disk, trust_);
+      action(store);
+      if (!disk.failed()) break;
+      ++cut_points;
+      for (const Unflushed bytes : kAllUnflushed) {
+        for (int names = 0; names <= disk.unflushed_names(); ++names) {
+          ExpectWhole(*disk.AfterPowerCut(bytes, names), "call " + std::to_string(call));
+        }
+      }
+      if (HasFailure()) return;
+    }
+  }
+  std::printf("power cuts of the rest, %s: %d calls cut, all whole\n", GetParam().name, cut_points);
+  EXPECT_GT(cut_points, 20);
 }
 
 INSTANTIATE_TEST_SUITE_P(Installs, PowerCutTest,
