@@ -138,7 +138,7 @@ Status ModelView::Load() {
        {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
         &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
         &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan,
-        &ModelView::LoadDetails, &ModelView::LoadPoseConfidence}) {
+        &ModelView::LoadDetails, &ModelView::LoadGolden, &ModelView::LoadPoseConfidence}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -387,6 +387,41 @@ Status ModelView::LoadDetails() {
         return Corrupt("model's detail is of no location");
       }
     }
+  }
+  return {};
+}
+
+Status ModelView::LoadGolden() {
+  const fb::GoldenQueries* q = Root(bytes_)->golden();
+  if (q == nullptr) return {};
+  const std::size_t size = Span(q->pair()).size();
+  golden_ = {static_cast<int>(size), Span(q->width()),     Span(q->height()),
+             Span(q->begin()),       Span(q->keypoints()), Span(q->laplacian_sign()),
+             Span(q->descriptors()), Span(q->pair()),      Span(q->has_pose()),
+             Span(q->pose())};
+  const ModelGolden& g = golden_;
+  const std::size_t features = g.laplacian_sign.size();
+  const bool sizes = size >= 1 && size <= kMaxGoldenQueries && g.width.size() == size &&
+                     g.height.size() == size && g.begin.size() == size + 1 &&
+                     g.begin.front() == 0 && g.begin.back() == features &&
+                     g.keypoints.size() == 5 * features &&
+                     g.descriptors.size() == features * std::size_t(features_.descriptor_dim) &&
+                     g.has_pose.size() == size && g.pose.size() == 7 * size;
+  if (!sizes) return Corrupt("model's golden queries have wrong sizes");
+  const auto is_sign = [](std::int8_t sign) { return sign >= -1 && sign <= 1; };
+  if (!AllFinite(g.keypoints) ||
+      !std::all_of(g.laplacian_sign.begin(), g.laplacian_sign.end(), is_sign)) {
+    return Corrupt("model's golden query has a broken feature");
+  }
+  const int side = features_.max_image_side;
+  for (std::size_t i = 0; i < size; ++i) {
+    const bool valid = g.begin[i] <= g.begin[i + 1] && g.begin[i + 1] <= features &&
+                       g.begin[i + 1] - g.begin[i] <= std::uint32_t(features_.max_features) &&
+                       g.width[i] >= 1 && g.height[i] >= 1 && g.width[i] <= side &&
+                       g.height[i] <= side && g.pair[i] < scoring_.num_pairs &&
+                       g.has_pose[i] <= 1 &&
+                       (g.has_pose[i] == 0 || ValidPose(g.pose.subspan(i * 7, 7)));
+    if (!valid) return Corrupt("model's golden query is broken");
   }
   return {};
 }

@@ -28,6 +28,7 @@ inline constexpr int kMaxWordsPerFeature = 4;
 inline constexpr int kMaxLandmarks = 1 << 24;
 inline constexpr int kMaxDetails = 1 << 24;
 inline constexpr int kCodesOfPart = 256;
+inline constexpr int kMaxGoldenQueries = 16;
 inline constexpr std::size_t kMaxFloorPlanBytes = 4 << 20;
 
 // Values are stored in models: do not change them.
@@ -132,6 +133,20 @@ struct ModelFloorPlan {
   std::span<const double> site_from_pixel;  // [4] a b tx ty
 };
 
+// Sizes and order as in viewfix.fbs.
+struct ModelGolden {
+  int size = 0;
+  std::span<const std::uint16_t> width;   // [size]
+  std::span<const std::uint16_t> height;  // [size]
+  std::span<const std::uint32_t> begin;   // [size + 1]
+  std::span<const float> keypoints;       // [features, 5]
+  std::span<const std::int8_t> laplacian_sign;
+  std::span<const std::int8_t> descriptors;  // [features, dim]
+  std::span<const std::uint16_t> pair;       // [size]
+  std::span<const std::uint8_t> has_pose;    // [size]
+  std::span<const float> pose;               // [size, 7]
+};
+
 // Whether a file begins as a PNG or a JPEG.
 bool IsFloorPlanPicture(std::span<const std::uint8_t> file);
 
@@ -158,6 +173,7 @@ class ModelView {
   const ModelFloorPlan& floor_plan() const { return floor_plan_; }
   bool has_details() const { return details_.size > 0; }
   const ModelDetails& details() const { return details_; }  // none: size 0
+  const ModelGolden& golden() const { return golden_; }     // none: size 0
   bool metric() const { return metric_; }  // at least the first map's units are metres
   bool metric(int map_idx) const {
     return landmarks_.map_metric.empty() ? metric_ : landmarks_.map_metric[map_idx] != 0;
@@ -192,6 +208,7 @@ class ModelView {
   Status LoadKeyframeLandmarks();
   Status LoadFloorPlan();
   Status LoadDetails();
+  Status LoadGolden();
 
   std::span<const std::uint8_t> bytes_;
   ModelFeatures features_;
@@ -204,6 +221,7 @@ class ModelView {
   ModelLandmarks landmarks_;
   ModelFloorPlan floor_plan_;
   ModelDetails details_;
+  ModelGolden golden_;
   bool metric_ = false;
   std::string_view record_;
 };

@@ -58,6 +58,22 @@ flatbuffers::Offset<fb::Details> BuildDetails(flatbuffers::FlatBufferBuilder& b,
                            codes);
 }
 
+flatbuffers::Offset<fb::GoldenQueries> BuildGolden(flatbuffers::FlatBufferBuilder& b,
+                                                   const ModelData::GoldenData& g) {
+  if (g.pair.empty()) return 0;
+  const auto width = b.CreateVector(g.width);
+  const auto height = b.CreateVector(g.height);
+  const auto begin = b.CreateVector(g.begin);
+  const auto keypoints = b.CreateVector(g.keypoints);
+  const auto sign = b.CreateVector(g.laplacian_sign);
+  const auto descriptors = b.CreateVector(g.descriptors);
+  const auto pair = b.CreateVector(g.pair);
+  const auto has_pose = b.CreateVector(g.has_pose);
+  const auto pose = b.CreateVector(Flat(g.pose));
+  return fb::CreateGoldenQueries(b, width, height, begin, keypoints, sign, descriptors, pair,
+                                 has_pose, pose);
+}
+
 // Everything is written, defaults too: a reader then sees each stated value.
 flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, const ModelData& d) {
   const ModelFeatures& f = d.features;
@@ -101,6 +117,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
     map = BuildLandmarks(b, d);
   }
   const auto details = BuildDetails(b, d.details);
+  const auto golden = BuildGolden(b, d.golden);
   flatbuffers::Offset<fb::PoseConfidence> pose_confidence = 0;
   if (d.pose_confidence) {
     const ModelPoseConfidence& c = *d.pose_confidence;
@@ -109,7 +126,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   }
   return fb::CreateModel(b, features, vocabulary, scoring, confidence, keyframes, d.metric, camera,
                          map, b.CreateString(d.record), BuildFloorPlan(b, d.floor_plan), details,
-                         pose_confidence);
+                         golden, pose_confidence);
 }
 
 template <typename T>

@@ -72,6 +72,18 @@ struct ModelData {
     std::vector<std::uint16_t> location;
     std::vector<std::uint8_t> codes;
   } details;
+  // No pairs: none.
+  struct GoldenData {
+    std::vector<std::uint16_t> width;
+    std::vector<std::uint16_t> height;
+    std::vector<std::uint32_t> begin = {0};
+    std::vector<float> keypoints;
+    std::vector<std::int8_t> laplacian_sign;
+    std::vector<std::int8_t> descriptors;
+    std::vector<std::uint16_t> pair;
+    std::vector<std::uint8_t> has_pose;
+    std::vector<std::array<float, 7>> pose;
+  } golden;
   std::string record;
 };
 

@@ -90,8 +90,10 @@ build_board_alone() {
 check_other_targets() {
   check "Board side without the laptop's libraries" build_board_alone
   check "Static viewfixd for aarch64" "$ROOT/toolchains/build.sh" aarch64 --no-install
-  check "The same fixes on aarch64 as here" "$ROOT/tests/toolchains/aarch64_same_json.sh"
+  check "Static viewfixd for armhf" "$ROOT/toolchains/build.sh" armhf --no-install
+  check "The same fixes on ARM as here" "$ROOT/tests/toolchains/same_fixes.sh"
   check "viewfixd on a virtual board" "$ROOT/tests/board/run.sh"
+  check "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"
 }
 
 check_real_images() {

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
-# What the ARM toolchain files share. Included with VIEWFIX_ARCH (qemu's and the
-# sysroot's name), VIEWFIX_TRIPLET and VIEWFIX_ARCH_OPTIONS set.
+# What the ARM toolchain files share. Included with VIEWFIX_ARCH (the sysroot's and
+# the preset's name), VIEWFIX_PROCESSOR, VIEWFIX_QEMU (qemu's name of it),
+# VIEWFIX_TRIPLET and VIEWFIX_ARCH_OPTIONS set.
 set(CMAKE_SYSTEM_NAME Linux)
-set(CMAKE_SYSTEM_PROCESSOR ${VIEWFIX_ARCH})
+set(CMAKE_SYSTEM_PROCESSOR ${VIEWFIX_PROCESSOR})
 set(CMAKE_C_COMPILER ${VIEWFIX_TRIPLET}-gcc)
 set(CMAKE_CXX_COMPILER ${VIEWFIX_TRIPLET}-g++)
 
@@ -18,7 +19,7 @@ set(CMAKE_FIND_ROOT_PATH_MODE_LIBRARY ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_INCLUDE ONLY)
 set(CMAKE_FIND_ROOT_PATH_MODE_PACKAGE ONLY)
 
-set(CMAKE_CROSSCOMPILING_EMULATOR "qemu-${VIEWFIX_ARCH}-static;-L;${CMAKE_SYSROOT}")
+set(CMAKE_CROSSCOMPILING_EMULATOR "qemu-${VIEWFIX_QEMU}-static;-L;${CMAKE_SYSROOT}")
 
 # Not CMAKE_CXX_FLAGS_INIT: the presets set CMAKE_CXX_FLAGS, which would hide it.
 add_compile_options(${VIEWFIX_ARCH_OPTIONS})

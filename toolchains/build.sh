@@ -4,7 +4,8 @@
 #
 #   toolchains/build.sh ARCH [--no-install]
 #
-# ARCH          aarch64 (64-bit ARM, e.g. Raspberry Pi 3 and later)
+# ARCH          aarch64 (64-bit ARM, e.g. Raspberry Pi 3 and later) or
+#               armhf (32-bit ARMv7 with floating-point unit, e.g. Raspberry Pi 2)
 # --no-install  do not install missing Debian packages
 #
 # Result: build/ARCH-release/bin/viewfixd. Copy it to the board; it needs no
@@ -13,6 +14,14 @@ set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
 readonly MAX_BYTES=$((4 * 1024 * 1024))
+
+# Debian's name of it.
+debian_arch_of() {
+  case $1 in
+    aarch64) echo arm64 ;;
+    *) echo "$1" ;;
+  esac
+}
 
 check_program() {
   local program=$1 description bytes
@@ -31,19 +40,18 @@ main() {
     case $arg in
       -h | --help) print_help; return ;;
       --no-install) install=0 ;;
-      aarch64) arch=$arg ;;
-      armhf) die "armhf is not supported yet; aarch64 is" ;;
+      aarch64 | armhf) arch=$arg ;;
       *) usage_error "unknown argument '$arg'" ;;
     esac
   done
-  [[ -n $arch ]] || usage_error "which ARCH? aarch64"
+  [[ -n $arch ]] || usage_error "which ARCH? aarch64 or armhf"
 
   if [[ $install -eq 1 ]]; then
     step "Packages"
     "$ROOT/toolchains/install_packages.sh" board cross
   fi
   step "Sysroot"
-  "$ROOT/toolchains/make_sysroot.sh" "$arch" arm64
+  "$ROOT/toolchains/make_sysroot.sh" "$arch" "$(debian_arch_of "$arch")"
   step "Build for $arch"
   build_preset "$arch-release" viewfixd
   check_program "$ROOT/build/$arch-release/bin/viewfixd"

@@ -5,20 +5,22 @@
 
 readonly SUITE=bookworm
 
-# SOURCES_FILE:POSITION of each entry of apt's configuration that serves SUITE.
+# SOURCES_FILE:POSITION of each entry of apt's configuration that serves SUITE or SUITE
+# with one of these endings.
 # shellcheck disable=SC2016  # apt-get expands the $(FIELDS)
 debian_entries() {
   apt-get indextargets --format '$(SOURCESENTRY)|$(RELEASE)|$(COMPONENT)|$(ORIGIN)' \
     'Created-By: Packages' |
-    awk -F'|' -v suite="^$SUITE(-updates|-security)?\$" \
+    awk -F'|' -v suite="^$SUITE($1)?\$" \
       '$2 ~ suite && $3 == "main" && $4 == "Debian" && !seen[$1]++ { print $1 }'
 }
 
-# Copies apt's Debian entries, with their keys and options but without their
+# copy_debian_sources DIR [ENDINGS]: copies apt's Debian entries, with their keys and options but without their
 # restriction to this machine's architecture, to DIR/debian.list and .sources.
 copy_debian_sources() {
-  local dir=$1 entry file position
-  debian_entries > "$dir/entries"
+  local dir=$1 endings=${2:--updates|-security} entry file position
+  rm -f "$dir/debian.list" "$dir/debian.sources"
+  debian_entries "$endings" > "$dir/entries"
   while read -r entry; do
     file=${entry%:*}
     position=${entry##*:}

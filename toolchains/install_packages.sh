@@ -4,7 +4,7 @@
 #
 #   toolchains/install_packages.sh [GROUP...]
 #
-# GROUP is one of: board laptop tests cross. None given means all four.
+# GROUP is one of: board laptop tests cross sshd. None given means the first four.
 # With board, the single headers of group "headers" are unpacked into build/headers
 # without installing their packages. Does nothing, and asks for nothing, where all
 # are there already.
@@ -70,7 +70,7 @@ main() {
   for group in "$@"; do
     case $group in
       -h | --help) print_help; return ;;
-      board | laptop | tests | cross) groups+=("$group") ;;
+      board | laptop | tests | cross | sshd) groups+=("$group") ;;
       *) usage_error "unknown group '$group'" ;;
     esac
   done

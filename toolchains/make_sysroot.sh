@@ -25,25 +25,34 @@ recipe() {
   packages_in sysroot
 }
 
-make_sysroot() {
-  local debian_arch=$1 dir=$2 work=$3 sources=()
-  copy_debian_sources "$work"
+# fetch DEBIAN_ARCH DIR ENDINGS: DIR/root.tar, from the suite and those with these endings.
+fetch() {
+  local debian_arch=$1 work=$2 sources=()
+  copy_debian_sources "$work" "$3"
   if [[ ! -s $work/entries ]]; then
     as_root apt-get update -q
-    copy_debian_sources "$work"
+    copy_debian_sources "$work" "$3"
   fi
   [[ -s $work/entries ]] || die "apt's sources name no Debian $SUITE main: add it to /etc/apt"
   [[ ! -s $work/debian.list ]] || sources+=("$work/debian.list")
   [[ ! -s $work/debian.sources ]] || sources+=("$work/debian.sources")
-  print_apt_options > "$work/apt.conf"
-  echo "Fetching the $debian_arch packages of Debian $SUITE."
-
   # "extract" runs nothing out of the packages, so chrootless is safe for root too.
   mmdebstrap --mode=chrootless --variant=extract --architectures="$debian_arch" \
     --aptopt="$work/apt.conf" --include="$(packages_in sysroot | paste -sd,)" \
     --format=tar "$SUITE" "$work/root.tar" "${sources[@]}" \
-    2> >(grep -v 'chrootless mode as root might damage' >&2) ||
-    die "mmdebstrap could not fetch the $debian_arch packages (see above)"
+    2> >(grep -v 'chrootless mode as root might damage' >&2)
+}
+
+make_sysroot() {
+  local debian_arch=$1 dir=$2 work=$3
+  print_apt_options > "$work/apt.conf"
+  echo "Fetching the $debian_arch packages of Debian $SUITE."
+  # A mirror in the middle of its update often has all but one suite's index.
+  if ! fetch "$debian_arch" "$work" '-updates|-security'; then
+    echo "warning: trying again without $SUITE-security: what is built may lack its fixes" >&2
+    fetch "$debian_arch" "$work" '-updates' ||
+      die "mmdebstrap could not fetch the $debian_arch packages (see above)"
+  fi
   mkdir "$work/root"
   tar -xf "$work/root.tar" -C "$work/root" --no-same-owner \
     --exclude='./usr/share/doc' --exclude='./usr/share/man' ./lib ./usr

@@ -19,6 +19,11 @@ void AddEval(CLI::App& app);
 void AddInspect(CLI::App& app);
 void AddExport(CLI::App& app);
 void AddCalibrate(CLI::App& app);
+void AddKeygen(CLI::App& app);
+void AddSign(CLI::App& app);
+void AddVerify(CLI::App& app);
+void AddFlash(CLI::App& app);
+void AddProvision(CLI::App& app);
 
 // A model file in memory. Throws ToolError naming the file.
 std::vector<unsigned char> ReadModelFile(const std::string& path);

@@ -22,6 +22,11 @@ int main(int argc, char** argv) {
   viewfix::AddInspect(app);
   viewfix::AddExport(app);
   viewfix::AddCalibrate(app);
+  viewfix::AddKeygen(app);
+  viewfix::AddSign(app);
+  viewfix::AddVerify(app);
+  viewfix::AddFlash(app);
+  viewfix::AddProvision(app);
   viewfix::CatchInterrupts();
   try {
     app.parse(argc, argv);

@@ -9,6 +9,7 @@
 
 #include "firmware_tools/mapping/map_points.h"
 #include "firmware_tools/training/confidence.h"
+#include "firmware_tools/training/golden_queries.h"
 #include "firmware_tools/training/histograms.h"
 #include "firmware_tools/training/kmeans.h"
 #include "firmware_tools/training/pose_confidence.h"
@@ -498,6 +499,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
   if (!poses.empty()) record["held_out_poses"] = PosesAsJson(poses);
   model.record = record.dump();
+  AddGoldenQueries(prepared.features, model);
   return result;
 }
 

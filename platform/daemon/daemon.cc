@@ -32,8 +32,8 @@ namespace {
 constexpr int kTurnMs = 500;  // of the loop that looks after all others
 
 ModelSettings ModelSettingsOf(const DaemonOptions& options) {
-  return {options.model_path, options.calibration_path, options.rotate_deg, options.window,
-          options.filter};
+  return {options.model_path, options.store_folder, options.trust_folder, options.calibration_path,
+          options.rotate_deg, options.window,       options.filter};
 }
 
 class Daemon {

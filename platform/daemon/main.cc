@@ -6,6 +6,7 @@
 #include "platform/camera/v4l2/v4l2_camera.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/options.h"
+#include "platform/store/store_command.h"
 
 namespace viewfix {
 namespace {
@@ -36,7 +37,7 @@ struct Subcommand {
   int (*run)(int argc, char** argv);  // argv[0] is the name
 };
 
-constexpr Subcommand kSubcommands[] = {{"cameras", Cameras}};
+constexpr Subcommand kSubcommands[] = {{"cameras", Cameras}, {"store", RunStoreCommand}};
 
 // The daemon itself: what is not a subcommand.
 int RunAsDaemon(int argc, char** argv) {

@@ -38,6 +38,16 @@ std::string TakeModel(const std::string& value, DaemonOptions& options) {
   return value.empty() ? "needs a file" : "";
 }
 
+std::string TakeStore(const std::string& value, DaemonOptions& options) {
+  options.store_folder = value;
+  return value.empty() ? "needs a folder" : "";
+}
+
+std::string TakeTrust(const std::string& value, DaemonOptions& options) {
+  options.trust_folder = value;
+  return value.empty() ? "needs a folder" : "";
+}
+
 std::string TakeCamera(const std::string& value, DaemonOptions& options) {
   using Kind = CameraSettings::Kind;
   constexpr std::pair<std::string_view, Kind> kKinds[] = {{"replay:", Kind::kReplay},
@@ -207,6 +217,8 @@ struct Setting {
 
 constexpr Setting kSettings[] = {
     {"model", TakeModel},
+    {"store", TakeStore},
+    {"trust", TakeTrust},
     {"camera", TakeCamera},
     {"calibration", TakeCalibration},
     {"rotate", TakeRotate},
@@ -281,7 +293,12 @@ bool IsLoopback(const std::string& address) {
 
 std::string Inconsistent(const DaemonOptions& options) {
   const PublishSettings& publish = options.publish;
-  if (options.model_path.empty()) return "--model FILE is missing";
+  if (options.model_path.empty() && options.store_folder.empty()) {
+    return "--model FILE is missing, or --store DIR";
+  }
+  if (!options.model_path.empty() && !options.store_folder.empty()) {
+    return "--model and --store exclude each other";
+  }
   if (options.camera.kind == CameraSettings::Kind::kNone) {
     return "--camera replay:PATH or v4l2:DEVICE is missing";
   }
@@ -336,11 +353,15 @@ std::string LoadOptions(const CommandLine& command_line, DaemonOptions& options)
 const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame.
 
-  viewfixd --model FILE --camera v4l2:DEVICE|replay:PATH [OPTIONS]
+  viewfixd --model FILE | --store DIR --camera v4l2:DEVICE|replay:PATH [OPTIONS]
   viewfixd --config FILE [OPTIONS]
   viewfixd cameras                   the cameras of this machine, what they can do
+  viewfixd store --help              the folder of models that `viewfix flash` fills
 
   --model FILE         the model that `viewfix train` made; a new one is picked up as it comes
+  --store DIR          the folder of models that `viewfix flash` and `viewfixd store` fill: starts
+                       from the current one, and goes over to the next while it runs
+  --trust DIR          whose models are taken from it (default /etc/viewfix/trust)
   --camera v4l2:DEVICE /dev/video0, a name in /dev/v4l/by-id, or part of the camera's own name;
                        it may be unplugged and come back
   --camera replay:PATH the *.jpg of a folder in name order, or, where the folder holds

@@ -14,6 +14,8 @@ namespace viewfix {
 // All that viewfixd is told.
 struct DaemonOptions {
   std::string model_path;
+  std::string store_folder;  // in place of model_path
+  std::string trust_folder = "/etc/viewfix/trust";
   CameraSettings camera;
   PublishSettings publish;
   std::string calibration_path;  // empty: the model's camera

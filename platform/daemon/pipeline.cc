@@ -194,9 +194,11 @@ std::uint64_t Pipeline::NumberOf(const Frame& frame) {
 bool Pipeline::Answer(Frame& frame) {
   began_ns_ = MonotonicNs();
   scene_.SetReference(frame.image.view());
+  parts_.models->FrameReceived();
   parts_.health->BeginFrame();
   const Result<Fix> fix = answerer_->Localize(frame, NumberOf(frame), *model_);
   parts_.health->EndFrame();
+  parts_.models->FrameProcessed();
   if (!fix.ok()) {
     log_.Write(fix.status());
     parts_.health->CountFailed();

@@ -14,6 +14,7 @@
 #include "tests/testing/landmark_site.h"
 #include "tests/testing/run_program.h"
 #include "tests/testing/temp_folder.h"
+#include "tests/testing/test_key.h"
 #include "tests/testing/tiny_model.h"
 
 namespace viewfix {
@@ -367,6 +368,52 @@ TEST_F(ViewfixdPipeTest, ASignalEndsItCleanly) {
   EXPECT_EQ(Wait(), 0);
   EXPECT_THAT(Errors(), HasSubstr("localized, 0 unusable"));
   EXPECT_THAT(Errors(), Not(HasSubstr("5000 frames")));
+}
+
+TEST_F(ViewfixdTest, StartsFromTheStoresModel) {
+  const std::string store = folder_ / "store";
+  const std::string trust = folder_ / "trust";
+  folder_.Write("trust/museum.pub", TestKey(1).OpenText());
+  const std::vector<std::string> run = {"--store", store,      "--trust",
+                                        trust,     "--camera", "replay:" + folder_ / "walk"};
+  ExpectOneLine(Viewfixd(run), 1, "store: No such file");
+  const auto in_store = [&](std::vector<std::string> words) {
+    words.insert(words.begin(), "store");
+    words.insert(words.end(), {"--store", store, "--trust", trust});
+    return Viewfixd(words);
+  };
+  ExpectOneLine(in_store({"install", model_}), 1, "not signed");
+  folder_.Write("site.vfx.minisig", TestKey(1).Sign(TinyModel(), {"museum", 3}));
+  EXPECT_EQ(in_store({"install", model_}).exit_code, 0);
+  const ProgramRun frames = Viewfixd(run);
+  EXPECT_EQ(frames.exit_code, 0) << frames.err;
+  EXPECT_THAT(Lines(frames.out), SizeIs(4));
+  const ProgramRun status = in_store({"status"});
+  EXPECT_THAT(status.out, HasSubstr("site museum, version 3 (on trial, 1 starts"));
+  const std::string id = status.out.substr(10, 16);
+  EXPECT_THAT(frames.out, HasSubstr("\"model\":\"" + id + "\""));
+  EXPECT_EQ(in_store({"confirm"}).exit_code, 0);
+  EXPECT_THAT(in_store({"status", "--json"}).out, HasSubstr("\"confirmed\":true"));
+  ExpectOneLine(in_store({"rollback"}), 1, "no model to go back to");
+  EXPECT_EQ(in_store({"gc"}).exit_code, 0);
+  folder_.Write("store/" + id + ".vfx", std::string("broken"));
+  EXPECT_EQ(in_store({"status"}).exit_code, 1);
+  ExpectOneLine(Viewfixd(run), 1, "not the model that was installed");
+}
+
+TEST_F(ViewfixdTest, WrongUsageOfTheStoreSaysSo) {
+  for (const std::vector<std::string>& wrong : {std::vector<std::string>{"store"},
+                                                {"store", "fly"},
+                                                {"store", "install"},
+                                                {"store", "status", "x"},
+                                                {"store", "gc", "--keep", "1"},
+                                                {"store", "status", "--no"},
+                                                {"store", "install", "x", "--allow", "all"},
+                                                {"store", "status", "--store"},
+                                                {"store", "serial", "/dev/null", "--baud", "1"}}) {
+    ExpectOneLine(Viewfixd(wrong), 2, "see viewfixd store --help");
+  }
+  EXPECT_THAT(Viewfixd({"store", "--help"}).out, HasSubstr("viewfixd store status"));
 }
 
 }  // namespace
