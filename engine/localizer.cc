@@ -198,6 +198,7 @@ struct Localizer::State {
   float PoseConfidenceOf(const FoundPose& found) const;
   bool Believed(const FoundPose& found) const;
   void TakePose(const FoundPose& found, Fix& fix) const;
+  void GuessPlace(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix) const;
@@ -390,10 +391,14 @@ void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.expected_evidence = found.expected;
   fix.evidence_spread = found.spread;
   fix.rival_evidence = found.rivals[0].evidence;
+  GuessPlace(found, fix);
+  fix.confidence = PoseConfidenceOf(found);
+}
+
+void Localizer::State::GuessPlace(const FoundPose& found, Fix& fix) const {
   fix.keyframe_idx = found.keyframe_idx;
   fix.pair_idx = model.keyframes().pair[found.keyframe_idx];
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
-  fix.confidence = PoseConfidenceOf(found);
 }
 
 // The pose as the frames before it see it too. How a camera moves is known in metres only.
@@ -469,6 +474,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
   fix.evidence_spread = found.spread;
+  if (found.found) GuessPlace(found, fix);  // not believed, but the best guess there is
   const auto& begin = model.keyframes().landmark_begin;
   const bool has_landmarks =
       fix.keyframe_idx >= 0 && begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];

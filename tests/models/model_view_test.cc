@@ -44,6 +44,19 @@ TEST(ModelView, ReadsWhatWasWritten) {
   EXPECT_EQ(view->metric(), data.metric);
 }
 
+TEST(ModelView, ReadsTheConfidenceOfPoses) {
+  ModelData data = TinyModelData();
+  EXPECT_FALSE(ModelView::Open(*WriteModel(data))->pose_confidence());
+  data.pose_confidence = {-1, {0.5F, 2, 3}, 0.75F};
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const auto curve = ModelView::Open(*file)->pose_confidence();
+  ASSERT_TRUE(curve);
+  EXPECT_EQ(curve->offset, -1);
+  EXPECT_EQ(curve->weights, data.pose_confidence->weights);
+  EXPECT_EQ(curve->threshold, 0.75F);
+}
+
 TEST(ModelView, ReadsMapsAndFloorPlan) {
   ModelData data = TinyModelData();
   EXPECT_FALSE(ModelView::Open(*WriteModel(data))->has_floor_plan());
@@ -291,6 +304,18 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"view_out_of_range", [](ModelData& d) { d.pair_view[3] = 9; }},
         Broken{"slope_negative", [](ModelData& d) { d.confidence.slope = -1; }},
         Broken{"threshold_over_one", [](ModelData& d) { d.confidence.threshold = 1.5F; }},
+        Broken{"pose_weight_infinite",
+               [](ModelData& d) {
+                 d.pose_confidence = {0, {1, std::numeric_limits<float>::infinity(), 0}, 0.5F};
+               }},
+        Broken{"pose_offset_not_a_number",
+               [](ModelData& d) {
+                 d.pose_confidence = {std::numeric_limits<float>::quiet_NaN(), {}, 0.5F};
+               }},
+        Broken{"pose_threshold_negative",
+               [](ModelData& d) {
+                 d.pose_confidence = {0, {}, -0.5F};
+               }},
         Broken{"keyframe_of_no_pair", [](ModelData& d) { d.keyframe_pair.back() = 99; }},
         Broken{"keyframe_words_out_of_order",
                [](ModelData& d) { std::swap(d.keyframe_words[0], d.keyframe_words[1]); }},

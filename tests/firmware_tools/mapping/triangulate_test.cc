@@ -9,6 +9,7 @@
 #include <map>
 #include <set>
 
+#include "firmware_tools/mapping/map_points.h"
 #include "firmware_tools/mapping/point_solver.h"
 #include "firmware_tools/mapping/rolling_shutter.h"
 #include "firmware_tools/mapping/tracks.h"
@@ -193,6 +194,18 @@ TEST(SetMotions, NeighboursFarAwayTellNothing) {
     EXPECT_EQ(image.motion.shift.norm(), 0);
     EXPECT_EQ(image.motion.turn.norm(), 0);
   }
+}
+
+TEST(Without, DropsImagesAndWhatOnlyTheySee) {
+  const SyntheticScene scene({.num_frames = 6});
+  const Reconstruction map = TriangulateWithPoses(scene.input, Pairs(scene.input, 3), {}, 1);
+  const Reconstruction left = Without(map, {map.images[0].name, map.images[3].name});
+  ASSERT_EQ(left.images.size(), 4);
+  EXPECT_EQ(left.images[2].name, map.images[4].name);
+  EXPECT_LT(left.points.size(), map.points.size());
+  EXPECT_GT(left.points.size(), map.points.size() / 2);
+  ExpectConsistent(left);
+  EXPECT_EQ(Without(map, {}).points.size(), map.points.size());
 }
 
 TEST(BuildTracks, KeepsKeyPointsOfOneFrameApart) {
