@@ -17,6 +17,7 @@ void AddCheck(CLI::App& app);
 void AddTrain(CLI::App& app);
 void AddEval(CLI::App& app);
 void AddInspect(CLI::App& app);
+void AddExperiment(CLI::App& app);
 void AddExport(CLI::App& app);
 void AddCalibrate(CLI::App& app);
 void AddKeygen(CLI::App& app);

@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   viewfix::AddCheck(app);
   viewfix::AddTrain(app);
   viewfix::AddEval(app);
+  viewfix::AddExperiment(app);
   viewfix::AddInspect(app);
   viewfix::AddExport(app);
   viewfix::AddCalibrate(app);

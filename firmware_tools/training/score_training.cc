@@ -197,6 +197,12 @@ LocationModel TrainLocation(const Labels& labels, const Eigen::MatrixXf& gram, i
   return model;
 }
 
+std::vector<DualVariable> LocationVariables(const Labels& labels, const std::vector<int>& pairs,
+                                            const std::vector<bool>& used,
+                                            const ScoreOptions& options) {
+  return MakeVariables(labels, pairs, used, options);
+}
+
 std::vector<double> ScoreSample(const LocationModel& model, const Eigen::MatrixXf& gram,
                                 int sample) {
   double common = 0;

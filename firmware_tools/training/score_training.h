@@ -46,6 +46,11 @@ struct LocationModel {
 LocationModel TrainLocation(const Labels& labels, const Eigen::MatrixXf& gram, int location,
                             const std::vector<bool>& used, const ScoreOptions& options);
 
+// What takes part in the tasks of one location, the pairs `pairs`, of the samples in `used`.
+std::vector<DualVariable> LocationVariables(const Labels& labels, const std::vector<int>& pairs,
+                                            const std::vector<bool>& used,
+                                            const ScoreOptions& options);
+
 // Scores of `sample` by the location's tasks, [tasks]; absent tasks score -infinity.
 std::vector<double> ScoreSample(const LocationModel& model, const Eigen::MatrixXf& gram,
                                 int sample);

@@ -72,7 +72,7 @@ class CliTest : public ::testing::Test {
 TEST_F(CliTest, HelpAndUsage) {
   EXPECT_EQ(Viewfix({"--help"}).exit_code, 0);
   for (const char* command :
-       {"simulate", "check", "train", "eval", "inspect", "export", "calibrate"}) {
+       {"simulate", "check", "train", "eval", "experiment", "inspect", "export", "calibrate"}) {
     const ProgramRun help = Viewfix({command, "--help"});
     EXPECT_EQ(help.exit_code, 0);
     EXPECT_THAT(help.out, HasSubstr("Example: viewfix"));
