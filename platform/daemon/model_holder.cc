@@ -26,10 +26,11 @@ const std::string& NameOf(const ModelSettings& settings) {
 
 Result<std::vector<std::uint8_t>> ModelHolder::ReadFromStore(const ModelSettings& settings) {
   const std::lock_guard lock(session_mutex_);
-  if (session_ == nullptr) {
+  if (session_ == nullptr || session_folder_ != settings.store_folder) {
     auto session = StoreSession::Start(settings.store_folder, settings.trust_folder);
     if (!session.ok()) return AboutFile(settings.store_folder, session.status());
     session_ = std::move(*session);
+    session_folder_ = settings.store_folder;
   } else if (session_->Changed()) {
     if (Status status = session_->Reload(); !status.ok()) {
       return AboutFile(settings.store_folder, status);

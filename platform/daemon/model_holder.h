@@ -72,6 +72,7 @@ class ModelHolder {
 
   std::mutex session_mutex_;
   std::unique_ptr<StoreSession> session_;  // null: a file, or the store has no model yet
+  std::string session_folder_;
   bool told_of_store_ = false;
   // Of the thread that loads alone.
   std::string path_;  // the file, or the store's first pointer
