@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 #include <optional>
 
 namespace viewfix {
@@ -19,7 +20,10 @@ struct Octave {
   int layers;
   std::array<int, kMaxLayers> lobes;  // pixels, evenly spaced
 };
-constexpr std::array<Octave, 4> kOctaves = {{
+constexpr int kOctaveCount = 4;
+// The first layers of an octave are every second layer and sample of the one before.
+constexpr int kSharedLayers = 3;
+constexpr std::array<Octave, kOctaveCount> kOctaves = {{
     {1, 6, {3, 5, 7, 9, 11, 13}},
     {2, 6, {5, 9, 13, 17, 21, 25}},
     {4, 6, {9, 17, 25, 33, 41, 49}},
@@ -27,6 +31,7 @@ constexpr std::array<Octave, 4> kOctaves = {{
 }};
 
 constexpr int kRows = 3;               // of each layer that are held at once
+constexpr int kVector = 16;            // floats of the longest vector
 constexpr float kSigmaPerLobe = 0.4F;  // a filter of 9 pixels, lobe 3, is a Gaussian of 1.2
 constexpr float kDxyWeight2 = 0.81F;   // (0.9)^2, equation (3) of [1]
 constexpr double kMaxOffset = 1;       // samples; beyond, the quadratic does not describe the peak
@@ -157,81 +162,214 @@ Keypoint MakeKeypoint(const IntegralImage& image, const Octave& octave, int laye
 
 int SamplesAcross(int side, int step) { return (side + step - 1) / step; }
 
+// Sums of pixels down the columns of one row's filters, as differences of the integral
+// image: what is left are differences along the row. Modulo 2^32, thus exact in any order.
+struct ColumnSums {
+  std::uint32_t* wing;      // 2 lobe - 1 rows, for xx
+  std::uint32_t* outer;     // 3 lobe rows less three times the middle lobe rows, for yy
+  std::uint32_t* diagonal;  // the lobe rows above less the ones below, for xy
+};
+
+// Rows of the integral image that the filters of one row read, at x = 0.
+struct FilterRows {
+  FilterRows(const IntegralImage& image, int y, int lobe)
+      : reach((3 * lobe - 1) / 2),
+        outer_top(image.Row(y - reach)),
+        outer_bottom(image.Row(y + reach + 1)),
+        wing_top(image.Row(y - (lobe - 1))),
+        wing_bottom(image.Row(y + lobe)),
+        half_top(image.Row(y - (lobe - 1) / 2)),
+        half_bottom(image.Row(y + (lobe - 1) / 2 + 1)),
+        lobe_top(image.Row(y - lobe)),
+        lobe_bottom(image.Row(y + lobe + 1)),
+        above(image.Row(y)),
+        below(image.Row(y + 1)) {}
+
+  int reach;
+  const std::uint32_t* outer_top;
+  const std::uint32_t* outer_bottom;
+  const std::uint32_t* wing_top;
+  const std::uint32_t* wing_bottom;
+  const std::uint32_t* half_top;
+  const std::uint32_t* half_bottom;
+  const std::uint32_t* lobe_top;
+  const std::uint32_t* lobe_bottom;
+  const std::uint32_t* above;
+  const std::uint32_t* below;
+};
+
+// Responses of one row at every pixel 0..width-1.
+struct ResponseKernel {
+  VIEWFIX_KERNEL void Run(const FilterRows* rows, int lobe, int width, ColumnSums sums,
+                          float* __restrict responses) {
+    SumColumns(*rows, width, sums.wing, sums.outer, sums.diagonal);
+    Respond(rows->reach, lobe, width, sums.wing, sums.outer, sums.diagonal, responses);
+  }
+
+  VIEWFIX_KERNEL void SumColumns(FilterRows rows, int width, std::uint32_t* __restrict wing,
+                                 std::uint32_t* __restrict outer,
+                                 std::uint32_t* __restrict diagonal) {
+    for (int x = -rows.reach; x <= width + rows.reach; ++x) {
+      wing[x] = rows.wing_bottom[x] - rows.wing_top[x];
+      outer[x] = rows.outer_bottom[x] - rows.outer_top[x] -
+                 3 * (rows.half_bottom[x] - rows.half_top[x]);
+      diagonal[x] = rows.above[x] - rows.lobe_top[x] - (rows.lobe_bottom[x] - rows.below[x]);
+    }
+  }
+
+  VIEWFIX_KERNEL void Respond(int reach, int lobe, int width, const std::uint32_t* __restrict wing,
+                              const std::uint32_t* __restrict outer,
+                              const std::uint32_t* __restrict diagonal,
+                              float* __restrict responses) {
+    const int half = (lobe - 1) / 2;
+    const float unit = UnitArea(lobe);
+    for (int x = 0; x < width; ++x) {
+      const std::uint32_t xx =
+          wing[x + reach + 1] - wing[x - reach] - 3 * (wing[x + half + 1] - wing[x - half]);
+      const std::uint32_t yy = outer[x + lobe] - outer[x - lobe + 1];
+      const std::uint32_t xy =
+          diagonal[x] - diagonal[x - lobe] - (diagonal[x + lobe + 1] - diagonal[x + 1]);
+      const float dxx = static_cast<float>(static_cast<std::int32_t>(xx)) * unit;
+      const float dyy = static_cast<float>(static_cast<std::int32_t>(yy)) * unit;
+      const float dxy = static_cast<float>(static_cast<std::int32_t>(xy)) * unit;
+      responses[x] = dxx * dyy - kDxyWeight2 * (dxy * dxy);
+    }
+  }
+};
+
+[[gnu::always_inline]] inline float Greater(float a, float b) { return a > b ? a : b; }
+
+// The greatest of a sample and the ones on both sides, for columns 1..columns-2.
+struct PeakKernel {
+  VIEWFIX_KERNEL void Run(const float* row, int columns, float* out) {
+    const float* __restrict responses = row;
+    float* __restrict peaks = out;
+    for (int x = 1; x < columns - 1; ++x) {
+      peaks[x] = Greater(Greater(responses[x - 1], responses[x]), responses[x + 1]);
+    }
+  }
+};
+
+struct GreatestKernel {
+  VIEWFIX_KERNEL void Run(const float* a, const float* b, const float* c, int columns,
+                          float* out) {
+    float* __restrict greatest = out;
+    for (int x = 0; x < columns; ++x) greatest[x] = Greater(Greater(a[x], b[x]), c[x]);
+  }
+};
+
+// Marks the samples above the threshold that no neighbour exceeds, a byte each: nearly all
+// of them are maxima.
+struct CandidateKernel {
+  VIEWFIX_KERNEL void Run(const float* values, const float* finer, const float* same,
+                          const float* coarser, float threshold, int columns, std::uint8_t* out) {
+    std::uint8_t* __restrict marks = out;
+    for (int x = 0; x < columns; ++x) {
+      const float value = values[x];
+      marks[x] = static_cast<std::uint8_t>((value > threshold) & (value >= finer[x]) &
+                                           (value >= same[x]) & (value >= coarser[x]));
+    }
+  }
+};
+
 }  // namespace
 
-FastHessian::FastHessian(int max_image_side)
-    : max_columns_(max_image_side),
-      responses_(std::size_t(kMaxLayers * kRows) * std::size_t(max_image_side)) {}
+FastHessian::FastHessian(int max_image_side, CpuPath path)
+    : path_(path),
+      stride_((max_image_side + kVector - 1) / kVector * kVector),
+      responses_(std::size_t(kOctaveCount * kMaxLayers * kRows) * std::size_t(stride_)),
+      peaks_(responses_.size()),
+      peaks_of_rows_(std::size_t(kMaxLayers) * std::size_t(stride_)),
+      column_sums_(3 * std::size_t(stride_ + 2 * kReach + 2)),
+      dense_(stride_),
+      is_candidate_(stride_) {}
 
-float* FastHessian::Row(int layer, int row) {
-  return responses_.data() + std::size_t(layer * kRows + row % kRows) * std::size_t(max_columns_);
+float* FastHessian::Row(int octave, int layer, int row) {
+  const int idx = (octave * kMaxLayers + layer) * kRows + row % kRows;
+  return responses_.data() + std::size_t(idx) * std::size_t(stride_);
+}
+
+float* FastHessian::PeakRow(int octave, int layer, int row) {
+  return peaks_.data() + (Row(octave, layer, row) - responses_.data());
 }
 
 void FastHessian::ResponseRow(const IntegralImage& image, int y, int lobe, int step, int count,
                               float* responses) {
-  const int reach = (3 * lobe - 1) / 2;
-  const int half = (lobe - 1) / 2;
-  const int wing = lobe - 1;
-  const std::uint32_t* outer_top = image.Row(y - reach);
-  const std::uint32_t* outer_bottom = image.Row(y + reach + 1);
-  const std::uint32_t* wing_top = image.Row(y - wing);
-  const std::uint32_t* wing_bottom = image.Row(y + wing + 1);
-  const std::uint32_t* half_top = image.Row(y - half);
-  const std::uint32_t* half_bottom = image.Row(y + half + 1);
-  const std::uint32_t* lobe_top = image.Row(y - lobe);
-  const std::uint32_t* lobe_bottom = image.Row(y + lobe + 1);
-  const std::uint32_t* above = image.Row(y);
-  const std::uint32_t* below = image.Row(y + 1);
-  const float unit = UnitArea(lobe);
+  const FilterRows rows(image, y, lobe);
+  std::uint32_t* const wing = column_sums_.data() + kReach;
+  const int length = stride_ + 2 * kReach + 2;
+  const ColumnSums sums = {wing, wing + length, wing + 2 * length};
+  const int width = (count - 1) * step + 1;
+  float* const dense = step == 1 ? responses : dense_.data();
+  RunOnPath<ResponseKernel>(path_, &rows, lobe, width, sums, dense);
+  if (step == 1) return;
+  for (int i = 0; i < count; ++i) responses[i] = dense[i * step];
+}
 
-  const auto sum = [](const std::uint32_t* top, const std::uint32_t* bottom, int x0, int x1) {
-    return bottom[x1] - bottom[x0] - top[x1] + top[x0];
-  };
-  for (int i = 0; i < count; ++i) {
-    const int x = i * step;
-    const std::uint32_t xx = sum(wing_top, wing_bottom, x - reach, x + reach + 1) -
-                             3 * sum(wing_top, wing_bottom, x - half, x + half + 1);
-    const std::uint32_t yy = sum(outer_top, outer_bottom, x - wing, x + wing + 1) -
-                             3 * sum(half_top, half_bottom, x - wing, x + wing + 1);
-    const std::uint32_t xy =
-        sum(lobe_top, above, x - lobe, x) + sum(below, lobe_bottom, x + 1, x + lobe + 1) -
-        sum(lobe_top, above, x + 1, x + lobe + 1) - sum(below, lobe_bottom, x - lobe, x);
-    const float dxx = static_cast<float>(static_cast<std::int32_t>(xx)) * unit;
-    const float dyy = static_cast<float>(static_cast<std::int32_t>(yy)) * unit;
-    const float dxy = static_cast<float>(static_cast<std::int32_t>(xy)) * unit;
-    responses[i] = dxx * dyy - kDxyWeight2 * (dxy * dxy);
+// Octave by octave, what the one before has of a row first.
+void FastHessian::FillRow(const IntegralImage& image, int octave, int row, int columns) {
+  const Octave& shape = kOctaves[octave];
+  for (int layer = 0; layer < shape.layers; ++layer) {
+    float* const responses = Row(octave, layer, row);
+    if (octave > 0 && layer < kSharedLayers) {
+      const float* const finer = Row(octave - 1, 2 * layer + 1, 2 * row);
+      for (int i = 0; i < columns; ++i) responses[i] = finer[2 * i];
+    } else {
+      ResponseRow(image, row * shape.step, shape.lobes[layer], shape.step, columns, responses);
+    }
+    RunOnPath<PeakKernel>(path_, responses, columns, PeakRow(octave, layer, row));
   }
 }
 
 void FastHessian::Detect(const IntegralImage& image, float threshold, GridSelector& selector) {
-  for (std::size_t octave_idx = 0; octave_idx < kOctaves.size(); ++octave_idx) {
-    const Octave& octave = kOctaves[octave_idx];
-    const int columns = SamplesAcross(image.width(), octave.step);
-    const int rows = SamplesAcross(image.height(), octave.step);
-    for (int row = 0; row < rows; ++row) {
-      for (int layer = 0; layer < octave.layers; ++layer) {
-        ResponseRow(image, row * octave.step, octave.lobes[layer], octave.step, columns,
-                    Row(layer, row));
-      }
-      if (row < kRows - 1) continue;
-      for (int layer = 1; layer + 1 < octave.layers; ++layer) {
-        SearchRow(image, octave_idx, layer, row - 1, columns, threshold, selector);
-      }
+  for (int y = 0; y < image.height(); ++y) {
+    for (int octave = 0; octave < kOctaveCount; ++octave) {
+      const int step = kOctaves[octave].step;
+      if (y % step != 0) break;
+      const int columns = SamplesAcross(image.width(), step);
+      FillRow(image, octave, y / step, columns);
+      if (y / step < kRows - 1) continue;
+      SearchRow(image, octave, y / step - 1, columns, threshold, selector);
     }
   }
 }
 
-void FastHessian::SearchRow(const IntegralImage& image, std::size_t octave_idx, int layer, int row,
-                            int columns, float threshold, GridSelector& selector) {
+void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int columns,
+                            float threshold, GridSelector& selector) {
+  const int layers = kOctaves[octave].layers;
+  const auto peaks = [&](int layer) {
+    return peaks_of_rows_.data() + std::size_t(layer) * std::size_t(stride_);
+  };
+  for (int layer = 0; layer < layers; ++layer) {
+    RunOnPath<GreatestKernel>(path_, PeakRow(octave, layer, row - 1), PeakRow(octave, layer, row),
+                              PeakRow(octave, layer, row + 1), columns, peaks(layer));
+  }
+  for (int layer = 1; layer + 1 < layers; ++layer) {
+    RunOnPath<CandidateKernel>(path_, Row(octave, layer, row), peaks(layer - 1), peaks(layer),
+                               peaks(layer + 1), threshold, columns, is_candidate_.data());
+    AddMaxima(image, octave, layer, row, columns, selector);
+  }
+}
+
+// Of the candidates of a row.
+void FastHessian::AddMaxima(const IntegralImage& image, int octave, int layer, int row, int columns,
+                            GridSelector& selector) {
+  if (columns < 3) return;
   RowTriples rows;
   for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) rows[i][j] = Row(layer + i - 1, row + j - 1);
+    for (int j = 0; j < 3; ++j) rows[i][j] = Row(octave, layer + i - 1, row + j - 1);
   }
-  for (int x = 1; x + 1 < columns; ++x) {
-    if (!(rows[1][1][x] > threshold) || !IsMaximum(rows, x)) continue;
+  const std::uint8_t* const begin = is_candidate_.data();
+  const std::uint8_t* const end = begin + columns - 1;
+  const auto next = [&](const std::uint8_t* from) {  // much faster than std::find()
+    return static_cast<const std::uint8_t*>(std::memchr(from, 1, std::size_t(end - from)));
+  };
+  for (const std::uint8_t* it = next(begin + 1); it != nullptr; it = next(it + 1)) {
+    const int x = static_cast<int>(it - begin);
+    if (!IsMaximum(rows, x)) continue;
     const std::optional<Refined> refined = Refine(Gather(rows, x));
     if (!refined) continue;
-    selector.Add(MakeKeypoint(image, kOctaves[octave_idx], layer, x, row, *refined));
+    selector.Add(MakeKeypoint(image, kOctaves[octave], layer, x, row, *refined));
   }
 }
 

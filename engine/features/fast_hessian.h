@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
+#include "engine/base/cpu_path.h"
 #include "engine/features/grid_selector.h"
 #include "engine/image/integral_image.h"
 
@@ -25,7 +27,7 @@ class FastHessian {
   // the least border of the integral image.
   static constexpr int kReach = 98;
 
-  explicit FastHessian(int max_image_side);
+  explicit FastHessian(int max_image_side, CpuPath path = BestCpuPath());
 
   // Adds to `selector` every blob of det > threshold >= 0 (orientation not set),
   // its response the refined det times the fourth root of its sigma.
@@ -33,16 +35,26 @@ class FastHessian {
 
   // The determinant of lobe `lobe` at columns 0, step, 2 step ... of row y, one
   // each. Public for tests.
-  static void ResponseRow(const IntegralImage& image, int y, int lobe, int step, int count,
-                          float* responses);
+  void ResponseRow(const IntegralImage& image, int y, int lobe, int step, int count,
+                   float* responses);
 
  private:
-  float* Row(int layer, int row);
-  void SearchRow(const IntegralImage& image, std::size_t octave_idx, int layer, int row,
-                 int columns, float threshold, GridSelector& selector);
+  float* Row(int octave, int layer, int row);
+  float* PeakRow(int octave, int layer, int row);
+  void FillRow(const IntegralImage& image, int octave, int row, int columns);
+  void SearchRow(const IntegralImage& image, int octave, int row, int columns, float threshold,
+                 GridSelector& selector);
+  void AddMaxima(const IntegralImage& image, int octave, int layer, int row, int columns,
+                 GridSelector& selector);
 
-  int max_columns_;
-  std::vector<float> responses_;  // [layer][3 rows, used in turn][max_columns_]
+  CpuPath path_;
+  int stride_;                               // floats a row, whole vectors
+  std::vector<float> responses_;             // [octave][layer][3 rows, used in turn][stride_]
+  std::vector<float> peaks_;                 // the same: the greatest of a sample and both beside
+  std::vector<float> peaks_of_rows_;         // [layer][stride_]: the greatest of three rows' peaks
+  std::vector<std::uint32_t> column_sums_;   // [3][stride_ + 2 kReach + 2]
+  std::vector<float> dense_;                 // [stride_] a row at every pixel
+  std::vector<std::uint8_t> is_candidate_;   // [stride_]
 };
 
 }  // namespace viewfix

@@ -6,10 +6,11 @@
 
 namespace viewfix {
 
-Surf::Surf(const FeatureOptions& options)
+Surf::Surf(const FeatureOptions& options, CpuPath path)
     : options_(options),
+      path_(path),
       integral_(options.max_image_side, FastHessian::kReach),
-      detector_(options.max_image_side),
+      detector_(options.max_image_side, path),
       selector_(options.max_image_side, options.max_features) {}
 
 int Surf::descriptor_dim() const { return kSurfDim; }
@@ -24,8 +25,8 @@ Status Surf::Extract(const ImageView& image, FeatureSet& features) {
   selector_.Select(features);
   for (int i = 0; i < features.size(); ++i) {
     Keypoint& keypoint = features.mutable_keypoint(i);
-    if (!options_.upright) AssignOrientation(integral_, keypoint);
-    DescribeSurf(integral_, keypoint, features.mutable_descriptor(i).first<kSurfDim>());
+    if (!options_.upright) AssignOrientation(integral_, keypoint, path_);
+    DescribeSurf(integral_, keypoint, features.mutable_descriptor(i).first<kSurfDim>(), path_);
   }
   return {};
 }

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "engine/base/cpu_path.h"
 #include "engine/features/fast_hessian.h"
 #include "engine/features/feature_extractor.h"
 #include "engine/features/grid_selector.h"
@@ -22,7 +23,7 @@ class Surf final : public FeatureExtractor {
  public:
   // `options` valid, of type kSurf. Allocates all memory that Extract() uses:
   // about 4 (max_image_side + 200)^2 bytes for the integral image.
-  explicit Surf(const FeatureOptions& options);
+  explicit Surf(const FeatureOptions& options, CpuPath path = BestCpuPath());
 
   int descriptor_dim() const override;
   std::uint32_t version() const override { return kSurfVersion; }
@@ -30,6 +31,7 @@ class Surf final : public FeatureExtractor {
 
  private:
   FeatureOptions options_;
+  CpuPath path_;
   IntegralImage integral_;
   FastHessian detector_;
   GridSelector selector_;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 
+#include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
 #include "engine/image/integral_image.h"
 
@@ -21,6 +22,6 @@ inline constexpr int kSurfDim = 64;
 // smaller square gave better visual words and as good matches. Scaled to length 127
 // and rounded; all zero where there is no gradient. No heap. Thread-safe.
 void DescribeSurf(const IntegralImage& image, const Keypoint& keypoint,
-                  std::span<std::int8_t, kSurfDim> descriptor);
+                  std::span<std::int8_t, kSurfDim> descriptor, CpuPath path = BestCpuPath());
 
 }  // namespace viewfix

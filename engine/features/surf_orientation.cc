@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 
 #include "engine/features/gaussian.h"
 #include "engine/features/haar.h"
@@ -18,19 +19,33 @@ constexpr int kSectors = 72;  // of 5 degrees
 constexpr int kSectorsPerOctant = kSectors / 8;
 constexpr int kWindow = kSectors / 6;  // 60 degrees
 
-using WeightTable = std::array<std::array<float, kSide>, kSide>;
+struct Place {
+  std::int8_t row;
+  std::int8_t column;
+};
 
-constexpr WeightTable MakeWeights() {
-  WeightTable weights{};
+// The places within the radius, row by row, with their weights.
+constexpr int kPlaces = 113;
+constexpr int kPaddedPlaces = 128;  // whole vectors
+struct Disc {
+  std::array<Place, kPlaces> places{};
+  std::array<float, kPaddedPlaces> weights{};
+};
+
+constexpr Disc MakeDisc() {
+  Disc disc;
+  int i = 0;
   for (int row = 0; row < kSide; ++row) {
     for (int column = 0; column < kSide; ++column) {
       const int r2 = (row - kRadius) * (row - kRadius) + (column - kRadius) * (column - kRadius);
-      weights[row][column] = r2 <= kRadius * kRadius ? Gaussian(r2, kWeightSigma) : 0.0F;
+      if (r2 > kRadius * kRadius) continue;
+      disc.places[i] = {static_cast<std::int8_t>(row), static_cast<std::int8_t>(column)};
+      disc.weights[i++] = Gaussian(r2, kWeightSigma);
     }
   }
-  return weights;
+  return disc;
 }
-constexpr WeightTable kWeights = MakeWeights();
+constexpr Disc kDisc = MakeDisc();
 
 // tan(5 deg), tan(10 deg) ... tan(40 deg).
 constexpr std::array<float, kSectorsPerOctant - 1> kTangents = {
@@ -39,7 +54,7 @@ constexpr std::array<float, kSectorsPerOctant - 1> kTangents = {
 
 // Which of the 72 sectors of 5 degrees holds the direction (x, y), counted from the x
 // axis towards y: within the octant by comparing with tangents.
-int Sector(float x, float y) {
+[[gnu::always_inline]] inline int Sector(float x, float y) {
   const float ax = std::fabs(x);
   const float ay = std::fabs(y);
   const bool steep = ay > ax;
@@ -47,61 +62,86 @@ int Sector(float x, float y) {
   const float rise = steep ? ax : ay;
   int sector = 0;
   for (const float tangent : kTangents) sector += rise > tangent * run ? 1 : 0;
-  if (steep) sector = kSectors / 4 - 1 - sector;
-  if (x < 0) sector = kSectors / 2 - 1 - sector;
-  if (y < 0) sector = kSectors - 1 - sector;
-  return sector;
+  sector = steep ? kSectors / 4 - 1 - sector : sector;
+  sector = x < 0 ? kSectors / 2 - 1 - sector : sector;
+  return y < 0 ? kSectors - 1 - sector : sector;
 }
 
-struct Vector {
-  float x = 0;
-  float y = 0;
+// Weighted responses at the places of the disc.
+struct Gradients {
+  std::array<float, kPaddedPlaces> dx;
+  std::array<float, kPaddedPlaces> dy;
 };
 
-using SectorSums = std::array<Vector, kSectors>;
+// Sums by sector, the first ones once more after the last, so that windows need not wrap.
+struct SectorSums {
+  std::array<float, kSectors + kWindow> x{};
+  std::array<float, kSectors + kWindow> y{};
+};
 
-SectorSums SumBySector(const IntegralImage& image, const Keypoint& keypoint) {
-  SectorSums sums;
-  const int half = std::max(1, static_cast<int>(2 * keypoint.sigma + 0.5F));
-  for (int row = 0; row < kSide; ++row) {
-    const float y = keypoint.y + static_cast<float>(row - kRadius) * keypoint.sigma;
-    for (int column = 0; column < kSide; ++column) {
-      const float weight = kWeights[row][column];
-      if (weight == 0) continue;
-      const float x = keypoint.x + static_cast<float>(column - kRadius) * keypoint.sigma;
-      const HaarResponse haar = Haar(image, x, y, half);
-      const float dx = weight * static_cast<float>(haar.dx);
-      const float dy = weight * static_cast<float>(haar.dy);
-      Vector& sum = sums[Sector(dx, dy)];
-      sum.x += dx;
-      sum.y += dy;
-    }
+[[gnu::always_inline]] inline void Weigh(const IntegralImage& image, const Keypoint& keypoint,
+                                         Gradients& gradients) {
+  const HaarSquares squares(image, std::max(1, static_cast<int>(2 * keypoint.sigma + 0.5F)));
+  std::array<int, kSide> x;
+  std::array<int, kSide> y;
+  for (int i = 0; i < kSide; ++i) {
+    x[i] = squares.MiddleX(keypoint.x + static_cast<float>(i - kRadius) * keypoint.sigma);
+    y[i] = squares.MiddleY(keypoint.y + static_cast<float>(i - kRadius) * keypoint.sigma);
   }
-  return sums;
+  std::array<std::int32_t, kPaddedPlaces> dx{};
+  std::array<std::int32_t, kPaddedPlaces> dy{};
+  for (int i = 0; i < kPlaces; ++i) {
+    const Place place = kDisc.places[i];
+    const HaarResponse haar = squares.At(squares.Offset(x[place.column], y[place.row]));
+    dx[i] = haar.dx;
+    dy[i] = haar.dy;
+  }
+  for (int i = 0; i < kPaddedPlaces; ++i) {
+    gradients.dx[i] = kDisc.weights[i] * static_cast<float>(dx[i]);
+    gradients.dy[i] = kDisc.weights[i] * static_cast<float>(dy[i]);
+  }
 }
+
+[[gnu::always_inline]] inline void SumBySector(const Gradients& gradients, SectorSums& sums) {
+  std::array<int, kPaddedPlaces> sectors;
+  for (int i = 0; i < kPaddedPlaces; ++i) {
+    sectors[i] = Sector(gradients.dx[i], gradients.dy[i]);
+  }
+  for (int i = 0; i < kPlaces; ++i) {
+    sums.x[sectors[i]] += gradients.dx[i];
+    sums.y[sectors[i]] += gradients.dy[i];
+  }
+  std::copy_n(sums.x.begin(), kWindow, sums.x.begin() + kSectors);
+  std::copy_n(sums.y.begin(), kWindow, sums.y.begin() + kSectors);
+}
+
+struct OrientationKernel {
+  VIEWFIX_KERNEL void Run(const IntegralImage* image, Keypoint* keypoint) {
+    Gradients gradients;
+    Weigh(*image, *keypoint, gradients);
+    SectorSums sums;
+    SumBySector(gradients, sums);
+    // All windows side by side, each summed from its first sector on.
+    std::array<float, kSectors> x{};
+    std::array<float, kSectors> y{};
+    for (int i = 0; i < kWindow; ++i) {
+      for (int first = 0; first < kSectors; ++first) x[first] += sums.x[first + i];
+      for (int first = 0; first < kSectors; ++first) y[first] += sums.y[first + i];
+    }
+    std::array<float, kSectors> length2;
+    for (int i = 0; i < kSectors; ++i) length2[i] = x[i] * x[i] + y[i] * y[i];
+    int best = 0;
+    for (int i = 1; i < kSectors; ++i) best = length2[i] > length2[best] ? i : best;
+    const float length = std::sqrt(length2[best]);
+    keypoint->cos_angle = length > 0 ? x[best] / length : 1;
+    keypoint->sin_angle = length > 0 ? y[best] / length : 0;
+  }
+};
 
 }  // namespace
 
-void AssignOrientation(const IntegralImage& image, Keypoint& keypoint) {
-  const SectorSums sums = SumBySector(image, keypoint);
-  Vector best;
-  float best_length2 = 0;
-  for (int first = 0; first < kSectors; ++first) {
-    Vector window;
-    for (int i = first; i < first + kWindow; ++i) {
-      const Vector& sum = sums[i < kSectors ? i : i - kSectors];
-      window.x += sum.x;
-      window.y += sum.y;
-    }
-    const float length2 = window.x * window.x + window.y * window.y;
-    if (length2 > best_length2) {
-      best_length2 = length2;
-      best = window;
-    }
-  }
-  const float length = std::sqrt(best_length2);
-  keypoint.cos_angle = length > 0 ? best.x / length : 1;
-  keypoint.sin_angle = length > 0 ? best.y / length : 0;
+void AssignOrientation(const IntegralImage& image, Keypoint& keypoint, CpuPath path) {
+  RunOnPath<OrientationKernel>(path, &image, &keypoint);
 }
 
 }  // namespace viewfix

@@ -17,6 +17,12 @@ int Mirror(int i, int size) {
 }
 
 void MirrorRow(const std::uint8_t* row, int width, int border, std::uint8_t* padded) {
+  if (border <= width) {  // mirrored once
+    std::reverse_copy(row, row + border, padded);
+    std::copy_n(row, width, padded + border);
+    std::reverse_copy(row + width - border, row + width, padded + border + width);
+    return;
+  }
   for (int x = -border; x < 0; ++x) padded[x + border] = row[Mirror(x, width)];
   std::copy_n(row, width, padded + border);
   for (int x = width; x < width + border; ++x) padded[x + border] = row[Mirror(x, width)];

@@ -5,22 +5,23 @@
 #include <array>
 #include <cmath>
 
-#include "engine/matching/dot_block.h"
+#include "engine/matching/dot_tile.h"
 
 namespace viewfix {
 namespace {
 
-constexpr int kCandidateBlock = kDotRows;
-constexpr int kQueryBlock = 8;  // these stay in the first cache
+constexpr int kBlock = kTileRows;  // of either side
+static_assert(kBlock % kTileQueries == 0);
 
-// Rows of one sign on either side.
-struct Rows {
-  const std::int16_t* rows;   // [end, dim]
-  const std::int32_t* norm2;  // [end]
-  const int* idx;             // [end]
-  int begin;
-  int end;  // begin plus a multiple of the block
-};
+void PackAsQuery(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows) {
+  const int tile_dim = TileDim(static_cast<int>(descriptor.size()));
+  PackQuery(descriptor, rows + std::size_t(row) * tile_dim);
+}
+
+void PackInBlock(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows) {
+  const int tile_dim = TileDim(static_cast<int>(descriptor.size()));
+  PackRow(descriptor, row % kBlock, rows + std::size_t(row / kBlock) * kBlock * tile_dim);
+}
 
 void Update(NearestTwo& nearest, std::int32_t distance2, int candidate_idx) {
   if (distance2 >= nearest.second_distance2) return;
@@ -33,27 +34,30 @@ void Update(NearestTwo& nearest, std::int32_t distance2, int candidate_idx) {
   }
 }
 
-template <int kDim>
-void CompareRows(const Rows& queries, const Rows& candidates, int dim, NearestTwo* nearest,
-                 std::int32_t* best_distance2, int* best_query) {
-  for (int block = queries.begin; block < queries.end; block += kQueryBlock) {
-    for (int c = candidates.begin; c < candidates.end; c += kCandidateBlock) {
-      const std::int16_t* rows = candidates.rows + std::size_t(c) * dim;
-      for (int q = block; q < block + kQueryBlock; ++q) {
-        const auto sums = DotBlock<kDim>(queries.rows + std::size_t(q) * dim, rows, dim);
-        for (int i = 0; i < kCandidateBlock; ++i) {
-          const std::int32_t distance2 = queries.norm2[q] + candidates.norm2[c + i] - 2 * sums[i];
-          Update(nearest[q], distance2, candidates.idx[c + i]);
-          if (distance2 >= best_distance2[c + i]) continue;
-          best_distance2[c + i] = distance2;
-          best_query[c + i] = queries.idx[q];
-        }
-      }
+// One query and the candidates of one block. Most are farther than what has been found
+// already, which whole vectors see at once.
+struct CompareKernel {
+  VIEWFIX_KERNEL void Run(const std::int32_t* products, std::int32_t query_norm2, int query_idx,
+                          const std::int32_t* norm2, const int* idx, NearestTwo* nearest,
+                          std::int32_t* best, int* best_query) {
+    std::int32_t* __restrict best_distance2 = best;
+    int* __restrict best_idx = best_query;
+    std::array<std::int32_t, kBlock> distance2;
+    const std::int32_t second = nearest->second_distance2;
+    int nearer = 0;
+    for (int i = 0; i < kBlock; ++i) {
+      distance2[i] = query_norm2 + norm2[i] - 2 * products[i];
+      nearer |= distance2[i] < second ? 1 : 0;
+      const bool is_best = distance2[i] < best_distance2[i];
+      best_distance2[i] = is_best ? distance2[i] : best_distance2[i];
+      best_idx[i] = is_best ? query_idx : best_idx[i];
     }
+    if (nearer == 0) return;
+    for (int i = 0; i < kBlock; ++i) Update(*nearest, distance2[i], idx[i]);
   }
-}
+};
 
-constexpr int RowCapacity(int capacity) { return capacity + 3 * kQueryBlock; }
+constexpr int RowCapacity(int capacity) { return capacity + 3 * kBlock; }
 
 }  // namespace
 
@@ -65,26 +69,27 @@ Status MatchOptions::Validate() const {
 }
 
 DescriptorMatcher::Side::Side(int capacity, int dim)
-    : rows(std::size_t(RowCapacity(capacity)) * dim),
+    : rows(std::size_t(RowCapacity(capacity) + kBlock) / kBlock * kBlock * TileDim(dim)),
       norm2(RowCapacity(capacity)),
       idx(RowCapacity(capacity)) {}
 
-void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int dim) {
+void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int dim, Pack pack) {
+  static constexpr std::array<std::int8_t, kMaxDescriptorDim> kZeros{};
   const int n = static_cast<int>(set.descriptors.size()) / dim;
   int row = 0;
   for (int sign = 0; sign < kSigns; ++sign) {
     begin[sign] = row;
     for (int i = 0; i < n; ++i) {
       if ((use_signs ? set.signs[i] + 1 : 0) != sign) continue;
-      const std::int8_t* descriptor = set.descriptors.data() + std::size_t(i) * dim;
+      const auto descriptor = set.descriptors.subspan(std::size_t(i) * dim, dim);
       std::int32_t sum = 0;
-      for (int d = 0; d < dim; ++d) sum += std::int32_t{descriptor[d]} * descriptor[d];
-      std::copy_n(descriptor, dim, rows.data() + std::size_t(row) * dim);
+      for (const std::int32_t value : descriptor) sum += value * value;
+      pack(descriptor, row, rows.data());
       norm2[row] = sum;
       idx[row++] = i;
     }
-    for (; row % kQueryBlock != 0; ++row) {
-      std::fill_n(rows.data() + std::size_t(row) * dim, dim, std::int16_t{0});
+    for (; row % kBlock != 0; ++row) {
+      pack(std::span(kZeros).first(dim), row, rows.data());
       norm2[row] = NearestTwo::kNone;
       idx[row] = -1;
     }
@@ -92,10 +97,12 @@ void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int
   begin[kSigns] = row;
 }
 
-DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int dim)
+DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int dim,
+                                     CpuPath path)
     : dim_(dim),
       max_queries_(max_queries),
       max_candidates_(max_candidates),
+      path_(path),
       queries_(max_queries, dim),
       candidates_(max_candidates, dim),
       nearest_(RowCapacity(max_queries)),
@@ -126,16 +133,26 @@ void DescriptorMatcher::Compare() {
   std::fill_n(nearest_.begin(), queries_.begin[kSigns], NearestTwo{});
   std::fill_n(best_distance2_.begin(), candidates_.begin[kSigns], NearestTwo::kNone);
   std::fill_n(best_query_.begin(), candidates_.begin[kSigns], -1);
-  const auto compare = dim_ == 64    ? CompareRows<64>
-                       : dim_ == 128 ? CompareRows<128>
-                                     : CompareRows<0>;
-  const auto rows = [](const Side& side, int sign) {
-    return Rows{side.rows.data(), side.norm2.data(), side.idx.data(), side.begin[sign],
-                side.begin[sign + 1]};
-  };
   for (int sign = 0; sign < kSigns; ++sign) {
-    compare(rows(queries_, sign), rows(candidates_, sign), dim_, nearest_.data(),
-            best_distance2_.data(), best_query_.data());
+    for (int q = queries_.begin[sign]; q < queries_.begin[sign + 1]; q += kTileQueries) {
+      for (int c = candidates_.begin[sign]; c < candidates_.begin[sign + 1]; c += kBlock) {
+        CompareTile(q, c);
+      }
+    }
+  }
+}
+
+// Queries q .. q + kTileQueries - 1 with candidates c .. c + kBlock - 1.
+void DescriptorMatcher::CompareTile(int q, int c) {
+  std::array<std::int32_t, kTileQueries * kBlock> products;
+  const int tile_dim = TileDim(dim_);
+  DotTileFor(path_)(queries_.rows.data() + std::size_t(q) * tile_dim,
+                    candidates_.rows.data() + std::size_t(c) * tile_dim, tile_dim, products.data());
+  for (int i = 0; i < kTileQueries; ++i) {
+    RunOnPath<CompareKernel>(path_, products.data() + i * kBlock, queries_.norm2[q + i],
+                             queries_.idx[q + i], candidates_.norm2.data() + c,
+                             candidates_.idx.data() + c, &nearest_[q + i],
+                             best_distance2_.data() + c, best_query_.data() + c);
   }
 }
 
@@ -147,8 +164,8 @@ Status DescriptorMatcher::FindNearest(const DescriptorSet& queries, const Descri
     return {StatusCode::kInvalidArgument, "one result for each query"};
   }
   const bool use_signs = !queries.signs.empty() && !candidates.signs.empty();
-  queries_.Fill(queries, use_signs, dim_);
-  candidates_.Fill(candidates, use_signs, dim_);
+  queries_.Fill(queries, use_signs, dim_, PackAsQuery);
+  candidates_.Fill(candidates, use_signs, dim_, PackInBlock);
   Compare();
   for (int row = 0; row < queries_.begin[kSigns]; ++row) {
     if (queries_.idx[row] >= 0) nearest_out[queries_.idx[row]] = nearest_[row];

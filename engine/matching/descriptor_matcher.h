@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/base/cpu_path.h"
 #include "engine/base/status.h"
 
 namespace viewfix {
@@ -46,7 +47,7 @@ struct DescriptorMatch {
 class DescriptorMatcher {
  public:
   // dim in 1..128
-  DescriptorMatcher(int max_queries, int max_candidates, int dim);
+  DescriptorMatcher(int max_queries, int max_candidates, int dim, CpuPath path = BestCpuPath());
 
   // The two nearest candidates of each query: nearest_out [queries]. kInvalidArgument: sizes
   // that are no multiple of dim or do not agree; kResourceExhausted: more than the capacity.
@@ -61,13 +62,17 @@ class DescriptorMatcher {
  private:
   static constexpr int kSigns = 3;
 
+  // Writes a descriptor as number `row` of rows that are laid out for dot_tile.h.
+  using Pack = void (*)(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows);
+
   // One side, ordered by sign and widened; each sign begins at a multiple of a block, and
   // what fills up the block before it is farther away than anything.
   struct Side {
     Side(int capacity, int dim);
-    void Fill(const DescriptorSet& set, bool use_signs, int dim);
+    // pack   writes a descriptor as a query or as a row of a block
+    void Fill(const DescriptorSet& set, bool use_signs, int dim, Pack pack);
 
-    std::vector<std::int16_t> rows;   // [capacity + filling, dim]
+    std::vector<std::int16_t> rows;   // [capacity + filling, TileDim]
     std::vector<std::int32_t> norm2;  // [same]
     std::vector<int> idx;             // [same] of the caller
     int begin[kSigns + 1] = {};       // of each sign's rows
@@ -75,10 +80,12 @@ class DescriptorMatcher {
 
   Status Check(const DescriptorSet& set, int capacity) const;
   void Compare();
+  void CompareTile(int q, int c);
 
   int dim_;
   int max_queries_;
   int max_candidates_;
+  CpuPath path_;
   Side queries_;
   Side candidates_;
   std::vector<NearestTwo> nearest_;           // [query rows]

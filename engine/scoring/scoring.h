@@ -3,6 +3,7 @@
 
 #include <span>
 
+#include "engine/base/cpu_path.h"
 #include "engine/vocabulary/vocabulary.h"
 #include "models/model_view.h"
 
@@ -12,7 +13,8 @@ namespace viewfix {
 //   f_p = bias_p + weight_scale_p * sum_w h_w weights_{w,p}
 // Lane-wise float arithmetic over pairs, words ascending: the same bits everywhere.
 //   scores [pairs]. No allocation.
-void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores);
+void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores,
+                CpuPath path = BestCpuPath());
 
 // Adds to each pair's score what its most similar keyframe says:
 //   f'_p = f_p + keyframe_weight * max_k s_k over the keyframes k of pair p,

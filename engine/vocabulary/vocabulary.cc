@@ -7,13 +7,10 @@
 #include <cmath>
 #include <limits>
 
-#include "engine/matching/dot_block.h"
+#include "engine/matching/dot_tile.h"
 
 namespace viewfix {
 namespace {
-
-constexpr int kWordBlock = kDotRows;
-constexpr int kDescriptorBlock = 8;  // these stay in the first cache
 
 // The most similar words of one descriptor so far, best first.
 struct Ranking {
@@ -32,57 +29,68 @@ struct Ranking {
   }
 };
 
-// words [size, dim] and norm2 [size], size a multiple of kWordBlock; descriptors [n, dim],
-// n <= kDescriptorBlock; rankings [n]
-template <int kDim>
-void FindNearest(const std::int16_t* descriptors, int n, const std::int16_t* words,
-                 const std::int32_t* norm2, int size, int dim, int ranks, Ranking* rankings) {
-  for (int i = 0; i < n; ++i) {
-    rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
-  }
-  for (int block = 0; block < size; block += kWordBlock) {
-    const std::int16_t* block_words = words + std::size_t(block) * dim;
+// The words of one block, for the descriptors of one tile: most of them are farther than
+// what has been found already, which whole vectors see at once.
+struct RankKernel {
+  //   products [kTileQueries][kTileRows]   norm2 [kTileRows]   rankings [n], n <= kTileQueries
+  VIEWFIX_KERNEL void Run(const std::int32_t* products, const std::int32_t* norm2, int first_word,
+                          int n, int ranks, Ranking* rankings) {
     for (int i = 0; i < n; ++i) {
-      const auto sums = DotBlock<kDim>(descriptors + i * dim, block_words, dim);
-      for (int w = 0; w < kWordBlock; ++w) {
-        const std::int32_t similarity = 2 * sums[w] - norm2[block + w];
-        if (similarity <= rankings[i].similarity[ranks - 1]) continue;
-        rankings[i].Insert(ranks, similarity, block + w);
+      std::array<std::int32_t, kTileRows> similarity;
+      const std::int32_t worst = rankings[i].similarity[ranks - 1];
+      int nearer = 0;
+      for (int w = 0; w < kTileRows; ++w) {
+        similarity[w] = 2 * products[i * kTileRows + w] - norm2[w];
+        nearer |= similarity[w] > worst ? 1 : 0;
+      }
+      if (nearer == 0) continue;
+      for (int w = 0; w < kTileRows; ++w) {
+        if (similarity[w] <= rankings[i].similarity[ranks - 1]) continue;
+        rankings[i].Insert(ranks, similarity[w], first_word + w);
       }
     }
   }
-}
+};
 
 }  // namespace
 
 // The last block is filled with words that lie too far from everything to be found.
-Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim)
-    : dim_(dim), size_(static_cast<int>(words.size()) / dim), words_(words.begin(), words.end()) {
-  for (std::size_t w = 0; w < words_.size(); w += dim) {
-    std::int32_t norm2 = 0;
-    for (int i = 0; i < dim; ++i) norm2 += std::int32_t{words_[w + i]} * words_[w + i];
-    norm2_.push_back(norm2);
-  }
-  while (norm2_.size() % kWordBlock != 0) {
-    norm2_.push_back(std::numeric_limits<std::int32_t>::max());
-    words_.resize(words_.size() + dim, 0);
+Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path)
+    : dim_(dim), size_(static_cast<int>(words.size()) / dim), path_(path) {
+  const int blocks = (size_ + kTileRows - 1) / kTileRows;
+  words_.resize(std::size_t(blocks) * kTileRows * TileDim(dim));
+  norm2_.resize(std::size_t(blocks) * kTileRows, std::numeric_limits<std::int32_t>::max());
+  for (int w = 0; w < size_; ++w) {
+    const auto word = words.subspan(std::size_t(w) * dim, dim);
+    PackRow(word, w % kTileRows, &words_[std::size_t(w / kTileRows) * kTileRows * TileDim(dim)]);
+    norm2_[w] = 0;
+    for (const std::int32_t value : word) norm2_[w] += value * value;
   }
 }
 
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
-  std::array<std::int16_t, kDescriptorBlock * kMaxDescriptorDim> widened;
-  std::array<Ranking, kDescriptorBlock> rankings;
+  std::array<std::int16_t, kTileQueries * kMaxDescriptorDim> queries{};
+  std::array<std::int32_t, kTileQueries * kTileRows> products;
+  std::array<Ranking, kTileQueries> rankings;
   assert(dim_ <= kMaxDescriptorDim && words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
-  const auto find = dim_ == 64 ? FindNearest<64> : dim_ == 128 ? FindNearest<128> : FindNearest<0>;
-  const std::size_t size = descriptors.size() / dim_;
+  const DotTile dot_tile = DotTileFor(path_);
+  const int tile_dim = TileDim(dim_);
+  const int size = static_cast<int>(descriptors.size()) / dim_;
   auto out = words_out.begin();
-  for (std::size_t begin = 0; begin < size; begin += kDescriptorBlock) {
-    const std::size_t n = std::min<std::size_t>(kDescriptorBlock, size - begin);
-    std::copy_n(descriptors.begin() + begin * dim_, n * dim_, widened.begin());
-    find(widened.data(), static_cast<int>(n), words_.data(), norm2_.data(),
-         static_cast<int>(norm2_.size()), dim_, words_per_descriptor, rankings.data());
-    for (std::size_t i = 0; i < n; ++i) {
+  for (int begin = 0; begin < size; begin += kTileQueries) {
+    const int n = std::min(kTileQueries, size - begin);
+    for (int i = 0; i < n; ++i) {
+      PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
+      rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
+    }
+    for (int word = 0; word < static_cast<int>(norm2_.size()); word += kTileRows) {
+      dot_tile(queries.data(), words_.data() + std::size_t(word) * tile_dim, tile_dim,
+               products.data());
+      RunOnPath<RankKernel>(path_, products.data(), norm2_.data() + word, word, n,
+                            words_per_descriptor, rankings.data());
+    }
+    for (int i = 0; i < n; ++i) {
       out = std::copy_n(rankings[i].word.begin(), words_per_descriptor, out);
     }
   }

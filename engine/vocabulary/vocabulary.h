@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
 #include "models/model_view.h"
 
@@ -15,7 +16,7 @@ namespace viewfix {
 class Vocabulary {
  public:
   //   words [num_words, dim] signed bytes, word after word, as descriptors are; copied
-  Vocabulary(std::span<const std::int8_t> words, int dim);
+  Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path = BestCpuPath());
 
   int size() const { return size_; }
   int dim() const { return dim_; }
@@ -30,8 +31,9 @@ class Vocabulary {
  private:
   int dim_;
   int size_;
-  std::vector<std::int16_t> words_;  // [blocks * 4, dim], widened once
-  std::vector<std::int32_t> norm2_;  // [blocks * 4] |c|^2
+  CpuPath path_;
+  std::vector<std::int16_t> words_;  // blocks of matching/dot_tile.h, one after another
+  std::vector<std::int32_t> norm2_;  // [blocks * kTileRows] |c|^2
 };
 
 // h(x) of eq. (5): how often each visual word occurs in an image, as a sparse vector.

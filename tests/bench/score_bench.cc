@@ -62,7 +62,10 @@ void BM_Score(benchmark::State& state, int locations, int views, int words) {
 }
 
 const int kRegistered = [] {
-  for (const auto& [locations, views, words] : {std::tuple(10, 3, 500), std::tuple(74, 4, 8000)}) {
+  for (const auto& [locations, views, words] : {std::tuple(10, 3, 500), std::tuple(74, 4, 8000),
+                                                std::tuple(100, 3, 2000),
+                                                std::tuple(1000, 3, 2000),
+                                                std::tuple(10000, 3, 2000)}) {
     const std::string name = "score/viewfix/" + std::to_string(locations) + "x" +
                              std::to_string(views) + "x" + std::to_string(words);
     benchmark::RegisterBenchmark(name.c_str(), BM_Score, locations, views, words)

@@ -49,7 +49,7 @@ RULES = (
     Part('engine/base', r'engine/base/', own=r'engine/base/', external=r'Eigen/|std\w+\.h$',
          banned=IO_HEADERS),
     Part('engine', r'engine/', own=r'engine/|models/model_view\.h$',
-         external=r'Eigen/|hwy/|ceres/tiny_solver\.h$|std\w+\.h$',
+         external=r'Eigen/|immintrin\.h$|ceres/tiny_solver\.h$|std\w+\.h$',
          banned=IO_HEADERS),
     Part('model writer', r'models/model_writer', own=r'engine/|models/',
          banned=r'opencv2/|ceres/'),

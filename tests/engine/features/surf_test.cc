@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "engine/features/gaussian.h"
@@ -266,6 +267,23 @@ TEST(Surf, FeaturesChangeOnlyWithTheVersion) {
   const TestImage image = BarsImage(240, 200, 9);
   EXPECT_EQ(HashFeatures(Extract(image)), 528203305209242926U);
   EXPECT_EQ(HashFeatures(Extract(image, true)), 741463409176012047U);
+}
+
+// Sizes that no vector divides, and images smaller than one.
+TEST(Surf, EveryPathOfTheProcessorGivesTheSameBits) {
+  for (const auto& [width, height] : {std::pair(240, 200), {237, 131}, {97, 239}, {9, 7}, {1, 1}}) {
+    const TestImage image = BarsImage(width, height, 10);
+    for (const bool upright : {false, true}) {
+      Surf plain(SmallOptions(upright), CpuPath::kPlain);
+      const FeatureSet expected = Extract(plain, image);
+      EXPECT_EQ(expected.size() > 50, width > 50);
+      for (const CpuPath path : CpuPathsHere()) {
+        Surf surf(SmallOptions(upright), path);
+        EXPECT_EQ(HashFeatures(Extract(surf, image)), HashFeatures(expected))
+            << width << "x" << height << " path " << static_cast<int>(path);
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -56,6 +56,36 @@ TEST(ScorePairs, IsEquation5) {
   }
 }
 
+// More pairs than one block holds, more words than are added together, and neither a multiple.
+TEST(ScorePairs, AddsWordAfterWordOnEveryPath) {
+  constexpr int kPairs = 2 * 8192 + 37;
+  constexpr int kWords = 11;
+  std::mt19937 random(6);
+  std::vector<std::int8_t> weights(kPairs * kWords);
+  for (auto& weight : weights) weight = static_cast<std::int8_t>(random() % 256 - 128);
+  const std::vector<float> bias(kPairs, 0.25F), scale(kPairs, 0.003F);
+  ModelScoring model;
+  model.num_pairs = kPairs;
+  model.bias = bias;
+  model.weight_scale = scale;
+  model.weights = weights;
+  Histogram histogram;
+  std::vector<float> expected(kPairs, 0);
+  for (int w = 0; w < kWords; ++w) {
+    histogram.words.push_back(static_cast<std::uint16_t>(w));
+    histogram.values.push_back(0.1F + 0.037F * static_cast<float>(w));
+    for (int p = 0; p < kPairs; ++p) {
+      expected[p] += histogram.values[w] * static_cast<float>(weights[w * kPairs + p]);
+    }
+  }
+  for (float& score : expected) score = 0.25F + 0.003F * score;
+  for (const CpuPath path : CpuPathsHere()) {
+    std::vector<float> scores(kPairs);
+    ScorePairs(model, histogram, scores, path);
+    EXPECT_EQ(scores, expected) << static_cast<int>(path);
+  }
+}
+
 TEST(ScorePairs, EmptyHistogramScoresTheBias) {
   const Fixture f;
   std::vector<float> scores(5, 7.0F);

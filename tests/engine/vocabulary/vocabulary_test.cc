@@ -53,6 +53,18 @@ TEST_P(NearestWords, AgreesWithDistances) {
 
 INSTANTIATE_TEST_SUITE_P(Dimensions, NearestWords, ::testing::Values(1, 7, 64, 128));
 
+TEST_P(NearestWords, AreTheSameOnEveryPath) {
+  const int dim = GetParam();
+  const auto words = RandomBytes(301 * dim, 1);
+  const auto descriptors = RandomBytes(45 * dim, 2);
+  std::vector<std::uint16_t> expected(45 * 3), found(45 * 3);
+  Vocabulary(words, dim, CpuPath::kPlain).NearestWords(descriptors, 3, expected);
+  for (const CpuPath path : CpuPathsHere()) {
+    Vocabulary(words, dim, path).NearestWords(descriptors, 3, found);
+    EXPECT_EQ(found, expected) << static_cast<int>(path);
+  }
+}
+
 TEST_P(NearestWords, SeveralAreTheNearestInOrder) {
   const int dim = GetParam();
   const auto words = RandomBytes(70 * dim, 1);

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <span>
+
+namespace viewfix {
+
+// One kernel, compiled for several processors: the build is for the least of them, and what
+// the one at hand can do beyond that shows at run time only. Kernels are plain loops over
+// integers, or over floats without a sum across lanes or a fused multiply-add, so all paths
+// give the same bits. On ARM the build itself says what there is (NEON on 64 bits), and the
+// plain path is the only one.
+enum class CpuPath { kPlain, kAvx2, kAvx512 };
+
+// The fastest path of this processor.
+CpuPath BestCpuPath();
+// All paths of this processor, plain first: tests compare them.
+std::span<const CpuPath> CpuPathsHere();
+
+// Kernel::Run is to be compiled into each path: VIEWFIX_KERNEL void Run(...).
+#define VIEWFIX_KERNEL [[gnu::always_inline]] static inline
+
+#if defined(__x86_64__)
+template <typename Kernel, typename... Args>
+[[gnu::target("avx2"), gnu::flatten]] void RunWithAvx2(Args... args) {
+  Kernel::Run(args...);
+}
+
+template <typename Kernel, typename... Args>
+[[gnu::target("avx512f,avx512bw,avx512dq,avx512vl,prefer-vector-width=512"), gnu::flatten]]
+void RunWithAvx512(Args... args) {
+  Kernel::Run(args...);
+}
+#endif
+
+// Kernel::Run(args...), arguments by value, as compiled for `path`.
+template <typename Kernel, typename... Args>
+void RunOnPath([[maybe_unused]] CpuPath path, Args... args) {
+#if defined(__x86_64__)
+  if (path == CpuPath::kAvx512) return RunWithAvx512<Kernel>(args...);
+  if (path == CpuPath::kAvx2) return RunWithAvx2<Kernel>(args...);
+#endif
+  Kernel::Run(args...);
+}
+
+}  // namespace viewfix
