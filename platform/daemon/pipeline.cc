@@ -180,12 +180,12 @@ bool Pipeline::Still(const Frame& frame) {
 
 // The motion between frames is counted in frames of a tenth of a second, LocalizerOptions'
 // frame_interval_s. A recording's own frames are those, so that it gives the same at any speed; of
-// a camera it depends on the time between two answers, and after a second nothing is known of the
-// motion.
+// a camera it depends on the time between two answers, a sleep of the machine included, and after a
+// second nothing is known of the motion.
 std::uint64_t Pipeline::NumberOf(const Frame& frame) {
   if (!live_) return frame.sequence;
-  const std::int64_t passed_ns = frame.capture_time_ns - captured_ns_;
-  captured_ns_ = frame.capture_time_ns;
+  const std::int64_t captured_ns = frame.capture_time_ns + SleptNs();
+  const std::int64_t passed_ns = captured_ns - std::exchange(captured_ns_, captured_ns);
   const std::int64_t steps = (passed_ns + kNominalNs / 2) / kNominalNs;
   number_ += static_cast<std::uint64_t>(std::clamp<std::int64_t>(steps, 1, kForgetAfter));
   return number_;

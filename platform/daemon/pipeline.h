@@ -100,7 +100,7 @@ class Pipeline {
   std::string said_state_;
   std::uint64_t last_sequence_ = 0;
   std::uint64_t number_ = 0;      // of the last frame answered, as the motion counts
-  std::int64_t captured_ns_ = 0;  // and when it was captured
+  std::int64_t captured_ns_ = 0;  // and when it was captured, by CLOCK_BOOTTIME
   Status fault_;
 };
 

@@ -13,6 +13,8 @@
 #include <memory>
 #include <utility>
 
+#include "platform/camera/v4l2/to_grey.h"
+
 namespace viewfix {
 namespace {
 
@@ -70,10 +72,6 @@ bool IsLimitedRange(const FormatFields& fields) {
     return fields.quantization == V4L2_QUANTIZATION_LIM_RANGE;
   }
   return fields.colorspace != V4L2_COLORSPACE_JPEG;
-}
-
-std::string SizeText(int width, int height) {
-  return std::to_string(width) + "x" + std::to_string(height);
 }
 
 // How far a size is from what is asked for: too small counts more than too large.
@@ -154,14 +152,7 @@ Status V4l2Stream::SetFormat(const CameraSettings& settings, std::vector<std::st
   }
   format_ = {got.fourcc,    static_cast<int>(got.width), static_cast<int>(got.height),
              got.row_bytes, IsLimitedRange(got),         0};
-  if (!settings.pixel_format.empty() && settings.pixel_format != FourccText(got.fourcc)) {
-    remarks.push_back("no pixel format " + settings.pixel_format + ", taking " +
-                      FourccText(got.fourcc));
-  }
-  if (format_.width != settings.width || format_.height != settings.height) {
-    remarks.push_back("no size " + SizeText(settings.width, settings.height) + ", taking " +
-                      SizeText(format_.width, format_.height));
-  }
+  RemarkFormat(settings, FourccText(got.fourcc), format_.width, format_.height, remarks);
   return {};
 }
 
@@ -251,6 +242,19 @@ Status V4l2Stream::Queue(std::uint32_t index) {
     buffer.length = VIDEO_MAX_PLANES;
   }
   return node_.Ioctl(VIDIOC_QBUF, &buffer) == 0 ? Status() : node_.Failed("QBUF");
+}
+
+std::string V4l2Stream::text() const {
+  char text[96];
+  std::snprintf(text, sizeof text, "%dx%d %s at %g/s, ", format_.width, format_.height,
+                FourccText(format_.fourcc).c_str(), format_.rate);
+  return text + node_.identity().card + " at " + node_.path();
+}
+
+int V4l2Stream::Wait(int wake_fd, int timeout_ms) {
+  const int events = node_.system().Poll(node_.fd(), wake_fd, timeout_ms);
+  if (events < 0) fault_ = node_.Failed("poll");
+  return events;
 }
 
 V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
