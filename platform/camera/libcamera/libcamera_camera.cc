@@ -35,9 +35,10 @@ namespace lc = libcamera;
 constexpr unsigned int kBuffers = 4;  // as V4l2Stream's
 
 // What costs us least first.
-constexpr std::uint32_t kPreferred[] = {V4L2_PIX_FMT_GREY,   V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_NV21,
-                                        V4L2_PIX_FMT_YUV420, V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY,
-                                        V4L2_PIX_FMT_BGR24,  V4L2_PIX_FMT_RGB24, V4L2_PIX_FMT_MJPEG};
+constexpr std::uint32_t kPreferred[] = {
+    V4L2_PIX_FMT_GREY,   V4L2_PIX_FMT_NV12,  V4L2_PIX_FMT_NV21,
+    V4L2_PIX_FMT_YUV420, V4L2_PIX_FMT_YUYV,  V4L2_PIX_FMT_UYVY,
+    V4L2_PIX_FMT_BGR24,  V4L2_PIX_FMT_RGB24, V4L2_PIX_FMT_MJPEG};
 
 // libcamera ends a process that has two managers. Used by the thread that captures alone.
 std::shared_ptr<lc::CameraManager> SharedManager() {
@@ -180,7 +181,8 @@ Status LibcameraStream::Configure(const CameraSettings& settings,
   if (configuration_ == nullptr || configuration_->empty()) return Failed("camera has no stream");
   lc::StreamConfiguration& stream = configuration_->at(0);
   stream.pixelFormat = ChooseFormat(stream, settings.pixel_format);
-  stream.size = lc::Size(static_cast<unsigned>(settings.width), static_cast<unsigned>(settings.height));
+  stream.size =
+      lc::Size(static_cast<unsigned>(settings.width), static_cast<unsigned>(settings.height));
   stream.bufferCount = kBuffers;
   if (configuration_->validate() == lc::CameraConfiguration::Invalid ||
       camera_->configure(configuration_.get()) != 0) {
@@ -284,7 +286,8 @@ CameraStream::Dequeued LibcameraStream::Dequeue(Buffer& buffer) {
   const lc::FrameMetadata& metadata = slot.buffer->metadata();
   const std::size_t begin = slot.buffer->planes()[0].offset;
   std::size_t size = slot.length - begin;
-  if (!metadata.planes().empty()) size = std::min<std::size_t>(size, metadata.planes()[0].bytesused);
+  if (!metadata.planes().empty())
+    size = std::min<std::size_t>(size, metadata.planes()[0].bytesused);
   buffer.image = format_;
   buffer.image.bytes = {static_cast<const std::uint8_t*>(slot.memory) + begin, size};
   buffer.sequence = metadata.sequence;

@@ -12,9 +12,9 @@ namespace viewfix {
 
 std::unique_ptr<FrameSource> MakeV4l2Camera(V4l2System& system, const CameraSettings& settings,
                                             std::function<std::int64_t()> asleep_ns) {
-  auto open = [&system, settings, identity = std::optional<CameraIdentity>()](
-                  std::vector<std::string>& remarks) mutable
-      -> Result<std::unique_ptr<CameraStream>> {
+  auto open =
+      [&system, settings, identity = std::optional<CameraIdentity>()](
+          std::vector<std::string>& remarks) mutable -> Result<std::unique_ptr<CameraStream>> {
     Result<V4l2Node> node = FindCamera(system, settings.where, identity);
     if (!node.ok()) return node.status();
     CameraIdentity found = node->identity();
