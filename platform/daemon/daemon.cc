@@ -13,6 +13,7 @@
 #include <cstdio>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -156,9 +157,11 @@ Status Daemon::StartPipeline() {
     PrintFault(status);
   }
   if (Status status = OpenPublishers(); !status.ok()) return status;
-  std::function<void(const GreyImage&)> show;
+  std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
   if (server_ != nullptr && options_.publish.frame_picture) {
-    show = [this](const GreyImage& frame) { server_->Show(frame); };
+    show = [this](const GreyImage& frame, std::span<const SeenPoint> points) {
+      server_->Show(frame, points);
+    };
   }
   pipeline_ = std::make_unique<Pipeline>(
       std::move(*source), PipelineRates{options_.max_fps, options_.idle_fps},

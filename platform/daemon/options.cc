@@ -396,7 +396,8 @@ A replay takes every frame, however long it takes, unless:
 
 HTTP:
   --token-file FILE    whose first line a client must know; needed beyond this machine
-  --frame-picture on   serve the last frame as /frame.jpg; off by default, for privacy
+  --frame-picture on   serve the last frame as /frame.jpg, its features drawn, those that speak for
+                       the fix in green; off by default, for privacy
 
 MQTT:
   --mqtt-user NAME, --mqtt-password-file FILE, --mqtt-ca-file FILE

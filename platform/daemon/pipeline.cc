@@ -206,7 +206,7 @@ bool Pipeline::Answer(Frame& frame) {
   }
   parts_.health->CountFix(*fix);
   said_state_.clear();
-  if (parts_.show) parts_.show(frame.image);
+  if (parts_.show) parts_.show(frame.image, model_->localizer->SeenPoints());
   return Publish(WriteFix(frame, *fix, *model_));
 }
 

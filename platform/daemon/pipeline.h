@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 
 #include "platform/camera/frame_source.h"
@@ -34,7 +35,8 @@ class Pipeline {
     ModelHolder* models;
     Health* health;
     Publisher* publisher;
-    std::function<void(const GreyImage&)> show;  // each frame answered; null: nobody looks
+    // Each frame answered, and its key points; null: nobody looks.
+    std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
   };
 
   Pipeline(std::unique_ptr<FrameSource> source, const PipelineRates& rates, Parts parts);
