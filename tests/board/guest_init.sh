@@ -135,17 +135,43 @@ test_vivid() {
 }
 
 test_multiplanar() {
+  busybox grep -q DMABUF /run/viewfixd.err && pass DMABUF || fail DMABUF "not offered"
   busybox rmmod vivid || { fail multi-planar "vivid stays"; return; }
   load '*-vivid.ko' 2
   wait_until 5 [ -c /dev/video0 ]
   try_formats multi "YUYV NM12 YM12 GREY"
 }
 
-# Killed at odd moments: the next start serves, whatever lies about.
+# A sleep of the machine: what was captured before is old, and drivers lose their settings.
+test_sleep() {
+  alarm=/sys/class/rtc/rtc0/wakealarm
+  if ! busybox grep -q freeze /sys/power/state || [ ! -e $alarm ]; then
+    echo "FIGURE sleep: this machine cannot"
+    return
+  fi
+  start --camera v4l2:/dev/video0 --size 320x180 --rate 30 --max-fps 0.2
+  wait_until 10 moves
+  before=$(metric camera_reconnects_total)
+  echo +4 > $alarm
+  echo freeze > /sys/power/state
+  began=$(now_ms)
+  at=$(delivered)
+  resumed() { [ "$(delivered)" -gt "$((at + 3))" ] 2> /dev/null; }
+  wait_until 10 resumed
+  took=$(($(now_ms) - began))
+  if [ "$(metric camera_reconnects_total)" -gt "$before" ] && [ "$took" -le 2000 ]; then
+    pass "sleep ($took ms)"
+  else
+    fail sleep "$took ms; $(busybox tail -n 2 /run/viewfixd.err)"
+  fi
+  stop
+}
+
+# Killed at random moments: the next start serves, whatever lies about.
 test_kills() {
-  for pause in 50000 300000 900000; do
+  for _ in 1 2 3 4 5 6; do
     start --camera v4l2:/dev/video0 --size 320x180 --max-fps 2
-    busybox usleep $pause
+    busybox usleep $(($(busybox od -An -N2 -tu2 /dev/urandom) * 20))
     kill -9 "$daemon"
     wait "$daemon" 2> /dev/null
   done
@@ -191,6 +217,7 @@ test_photographs() {
 }
 
 test_vivid
+test_sleep
 test_multiplanar
 test_kills
 test_notify

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "platform/camera/v4l2/v4l2_stream.h"
 
+#include <fcntl.h>
+#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -130,6 +132,7 @@ V4l2Stream::~V4l2Stream() {
   if (streaming_) node_.Ioctl(VIDIOC_STREAMOFF, &type);
   for (const Mapping& buffer : buffers_) {
     if (buffer.memory != nullptr) node_.system().Unmap(buffer.memory, buffer.length);
+    if (buffer.dmabuf >= 0) node_.system().Close(buffer.dmabuf);
   }
 }
 
@@ -225,10 +228,32 @@ Status V4l2Stream::MapBuffer(std::uint32_t index) {
   // Luma stands in the first plane of every format that we read.
   const std::size_t length = multi ? planes[0].length : buffer.length;
   const std::size_t offset = multi ? planes[0].m.mem_offset : buffer.m.offset;
-  void* memory = node_.system().Map(node_.fd(), length, offset);
-  if (memory == nullptr) return node_.Failed("mmap");
-  buffers_.push_back({memory, length});
+  Mapping mapping = MapExported(index, length);
+  if (mapping.memory == nullptr) {
+    mapping = {node_.system().Map(node_.fd(), length, offset), length, -1};
+  }
+  if (mapping.memory == nullptr) return node_.Failed("mmap");
+  buffers_.push_back(mapping);
   return {};
+}
+
+// Without memory: the driver exports no buffers.
+V4l2Stream::Mapping V4l2Stream::MapExported(std::uint32_t index, std::size_t length) {
+  v4l2_exportbuffer exported = {};
+  exported.type = node_.buffer_type();
+  exported.index = index;
+  exported.flags = O_RDWR | O_CLOEXEC;
+  if (node_.Ioctl(VIDIOC_EXPBUF, &exported) != 0) return {};
+  void* memory = node_.system().Map(exported.fd, length, 0);
+  if (memory != nullptr) return {memory, length, exported.fd};
+  node_.system().Close(exported.fd);
+  return {};
+}
+
+void V4l2Stream::Synchronize(const Mapping& mapping, std::uint64_t flags) const {
+  if (mapping.dmabuf < 0) return;
+  dma_buf_sync sync = {flags};
+  node_.system().Ioctl(mapping.dmabuf, DMA_BUF_IOCTL_SYNC, &sync);
 }
 
 Status V4l2Stream::Queue(std::uint32_t index) {
@@ -248,7 +273,8 @@ std::string V4l2Stream::text() const {
   char text[96];
   std::snprintf(text, sizeof text, "%dx%d %s at %g/s, ", format_.width, format_.height,
                 FourccText(format_.fourcc).c_str(), format_.rate);
-  return text + node_.identity().card + " at " + node_.path();
+  const bool exported = !buffers_.empty() && buffers_[0].dmabuf >= 0;
+  return text + node_.identity().card + " at " + node_.path() + (exported ? ", DMABUF" : "");
 }
 
 int V4l2Stream::Wait(int wake_fd, int timeout_ms) {
@@ -277,6 +303,7 @@ V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
     return Dequeued::kBroken;
   }
   const Mapping& mapping = buffers_[raw.index];
+  Synchronize(mapping, DMA_BUF_SYNC_START | DMA_BUF_SYNC_READ);
   const std::size_t used = multi ? planes[0].bytesused : raw.bytesused;
   const std::size_t offset = multi ? std::min<std::size_t>(planes[0].data_offset, used) : 0;
   const std::size_t end = std::min(used, mapping.length);
@@ -297,6 +324,7 @@ V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
 }
 
 bool V4l2Stream::Return(const Buffer& buffer) {
+  Synchronize(buffers_[buffer.index], DMA_BUF_SYNC_END | DMA_BUF_SYNC_READ);
   fault_ = Queue(buffer.index);
   return fault_.ok();
 }

@@ -21,8 +21,9 @@ struct StreamFormat {
   double rate = 0;  // frames a second; 0: the driver does not tell
 };
 
-// A node that streams into buffers of its own memory: format, rate, controls, buffers. Stops and
-// gives its memory back at the end.
+// A node that streams into buffers of its own memory: format, rate, controls, buffers. Where the
+// driver exports them as DMABUFs they are mapped as such, and read between the calls that make the
+// processor's caches agree with what the device wrote. Stops and gives its memory back at the end.
 class V4l2Stream : public CameraStream {
  public:
   // `remarks`: what was asked for and not to be had, one line each.
@@ -42,6 +43,7 @@ class V4l2Stream : public CameraStream {
   struct Mapping {
     void* memory = nullptr;
     std::size_t length = 0;
+    int dmabuf = -1;  // that it is mapped from; -1: from the node
   };
 
   explicit V4l2Stream(V4l2Node node) : node_(std::move(node)) {}
@@ -51,6 +53,8 @@ class V4l2Stream : public CameraStream {
   void SetControls(const CameraSettings& settings, std::vector<std::string>& remarks);
   Status MapBuffers();
   Status MapBuffer(std::uint32_t index);
+  Mapping MapExported(std::uint32_t index, std::size_t length);
+  void Synchronize(const Mapping& mapping, std::uint64_t flags) const;
   Status Queue(std::uint32_t index);
 
   V4l2Node node_;

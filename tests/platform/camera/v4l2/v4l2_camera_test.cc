@@ -24,7 +24,8 @@ class V4l2CameraTest : public testing::Test {
 
   FakeCamera& camera() { return system_.cameras[0]; }
   FrameSource& source() {
-    if (source_ == nullptr) source_ = MakeV4l2Camera(system_, settings_, [this] { return slept_ns_; });
+    if (source_ == nullptr)
+      source_ = MakeV4l2Camera(system_, settings_, [this] { return slept_ns_; });
     return *source_;
   }
   // Next() until the camera streams, at most so often.
@@ -66,6 +67,23 @@ TEST_F(V4l2CameraTest, MultiPlanarIsTheSame) {
   camera().Fill(0, 50);
   ASSERT_TRUE(Next().ok());
   EXPECT_THAT(frame_.image.pixels, testing::Each(50));
+}
+
+TEST_F(V4l2CameraTest, ExportedBuffersAreReadAsDmabufs) {
+  camera().exports = true;
+  ASSERT_TRUE(Connect());
+  EXPECT_THAT(source().condition().text, HasSubstr("DMABUF"));
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    camera().Fill(2 * i, 1);
+    camera().Fill(2 * i + 1, 77);
+    ASSERT_TRUE(Next().ok());
+    EXPECT_EQ(frame_.image.pixels[0], 77);
+    EXPECT_EQ(camera().being_read, 0);  // all were given back to the device
+  }
+  camera().plugged = false;
+  (void)Next();
+  EXPECT_EQ(system_.open_files(), 0U);
+  EXPECT_EQ(system_.mapped, 0);
 }
 
 TEST_F(V4l2CameraTest, TheNewestFrameWinsAndGapsAreCounted) {
