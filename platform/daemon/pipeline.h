@@ -47,6 +47,9 @@ class Pipeline {
   void Start(std::function<void()> on_end);
   // Ends both threads; returns when they have ended.
   void Stop();
+  // Ends them too, but a frame may still be in the localizer when this returns. Nothing is
+  // published from then on.
+  void BeginStop();
   // Why publishing became impossible (kCancelled: nobody reads any more), else ok. After on_end.
   Status fault() const { return fault_; }
 
@@ -79,6 +82,7 @@ class Pipeline {
   std::atomic<bool> localizing_ = true;
   std::atomic<std::int64_t> wanted_interval_ns_ = 0;
   std::thread capture_thread_, localize_thread_;
+  std::mutex publish_mutex_;  // held while a line is published; none is once stop_ is seen under it
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
