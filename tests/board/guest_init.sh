@@ -232,7 +232,7 @@ serve_until_the_end() {
   while true; do
     for model in b a; do
       # shellcheck disable=SC2086
-      viewfixd store install /disk/models/$model.vfx $store --allow older
+      viewfixd store install /disk/models/$model.vfx $store --allow older > /dev/null && echo "INSTALLED $model"
     done
   done
 }

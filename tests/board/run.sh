@@ -129,7 +129,7 @@ make_disk() {
   PATH=$PATH:/usr/sbin mke2fs -q -t ext4 -d "$root" "$WORK/disk.img" 64M
 }
 
-# Starts from the disk; as soon as fixes are served, the power goes within two seconds.
+# Starts from the disk; once fixes are served, the power goes within eight seconds.
 cut_once() {
   local log=$WORK/cut.log machine ended=$((SECONDS + MAX_START_SECONDS)) up=1
   : > "$log"
@@ -140,10 +140,11 @@ cut_once() {
   while [[ $SECONDS -lt $ended ]] && ! grep -q '^UP' "$log"; do
     sleep 0.2
   done
-  grep '^UP' "$log" | tr -d '\r' || up=0
-  sleep "$((RANDOM % 2)).$((RANDOM % 10))"
+  grep -q '^UP' "$log" || up=0
+  sleep "$((RANDOM % 8)).$((RANDOM % 10))"
   kill -9 "$machine"
   wait "$machine" 2> /dev/null || true
+  grep -E '^(UP|INSTALLED)' "$log" | tr -d '\r' | paste -sd ' ' || true
   [[ $up -eq 1 ]] || { tail -n 20 "$log"; die "the board does not start after a power cut"; }
 }
 

@@ -119,7 +119,7 @@ class Daemon:
         """Milliseconds until it had ended, and its exit code."""
         began = time.monotonic()
         self.process.send_signal(how)
-        code = self.process.wait(timeout=60)
+        code = self.process.wait()
         took_ms = (time.monotonic() - began) * 1000
         if self.process.stdout:
             self.reader.join()
