@@ -173,12 +173,13 @@ struct Localizer::State {
         window(std::move(window_adjuster)) {
     if (model.has_details()) {
       places.emplace(model.vocabulary().words, model.vocabulary().dim, model.details(),
-                     model.scoring().num_locations);
+                     model.scoring().num_locations, features.capacity());
     }
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
     proposed_of_location.resize(model.scoring().num_locations);
     proposed_of_pair.resize(model.scoring().num_pairs);
+    seen_points.reserve(features.capacity());
   }
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
@@ -205,6 +206,7 @@ struct Localizer::State {
   void LocateByDetails(Fix& fix);
   void FindDetailRivals(Fix& fix) const;
   void ClearScores();
+  bool Matched(int i) const;
 
   ModelView model;
   LocalizerOptions options;
@@ -232,6 +234,11 @@ struct Localizer::State {
   // Of the frame at hand, at the size that features are found in.
   Camera camera;
   bool refine_focal = false;
+  // Of the last frame, for SeenPoints().
+  std::vector<SeenPoint> seen_points;
+  float columns_per_column = 1, rows_per_row = 1;  // of the image given, per one of the small one
+  bool last_has_pose = false;
+  int last_place = -1;  // that details spoke for; -1: they were not asked, or spoke for none
 };
 
 // Equation (5) and the keyframes' similarities, then the location by the model's rule, its
@@ -514,6 +521,7 @@ void Localizer::State::LocateByDetails(Fix& fix) {
   places->Weigh(features.descriptors(), features.keypoints(),
                 {words.data(), std::size_t(features.size()) * per_feature}, per_feature);
   const PlaceEvidence::Best best = places->FindBest();
+  last_place = best.location_idx;
   fix.evidence = best.evidence;
   fix.rival_evidence = best.rival_evidence;
   fix.margin = best.margin;
@@ -572,6 +580,9 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
   std::int64_t now = s.Now();
   fix.ms.features = Milliseconds(now - start);
   fix.num_features = s.features.size();
+  s.columns_per_column = float(image.width) / float(small.width);
+  s.rows_per_row = float(image.height) / float(small.height);
+  s.last_place = -1;
   if (fix.num_features < kMinFeatures) {
     fix.reasons |= kTooFewFeatures;
     s.ClearScores();
@@ -592,9 +603,35 @@ Result<Fix> Localizer::Localize(const ImageView& image, const Prior& prior) {
       fix.ms.pose += Milliseconds(s.Now() - now);
     }
   }
+  s.last_has_pose = fix.has_pose;
   if (!fix.localized) fix.reasons |= ImageReasons(small);
   fix.ms.total = Milliseconds(s.Now() - start);
   return fix;
+}
+
+// Whether a key point speaks for the last fix.
+bool Localizer::State::Matched(int i) const {
+  if (last_place >= 0 && places->choices()[i] == last_place) return true;
+  if (!last_has_pose) return false;
+  const Keypoint& keypoint = features.keypoints()[i];
+  const std::span<const PoseMatch> matches = pose_finder->inliers();
+  return std::any_of(matches.begin(), matches.end(), [&](const PoseMatch& match) {
+    return match.pixel.x() == double{keypoint.x} && match.pixel.y() == double{keypoint.y};
+  });
+}
+
+std::span<const SeenPoint> Localizer::SeenPoints() {
+  constexpr float kSigmas = 2.5F;  // what a filter of SURF's covers, roughly
+  State& s = *state_;
+  s.seen_points.clear();
+  for (int i = 0; i < s.features.size(); ++i) {
+    const Keypoint& keypoint = s.features.keypoints()[i];
+    // The inverse of Shrinker's map.
+    s.seen_points.push_back({(keypoint.x + 0.5F) * s.columns_per_column - 0.5F,
+                             (keypoint.y + 0.5F) * s.rows_per_row - 0.5F,
+                             kSigmas * keypoint.sigma * s.columns_per_column, s.Matched(i)});
+  }
+  return s.seen_points;
 }
 
 std::span<const float> Localizer::pair_scores() const { return state_->pair_scores; }

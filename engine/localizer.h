@@ -73,7 +73,8 @@ struct Fix {
   // details: what speaks for the location, and for the best other.
   float evidence = 0;
   float expected_evidence = 0;
-  // Share of the image's parts where landmarks should be seen in which some agree with the pose, 0..1.
+  // Share of the image's parts where landmarks should be seen in which some agree with the pose,
+  // 0..1.
   float evidence_spread = 0;
   float rival_evidence = 0;
   float score = 0;     // f_{l,t}(x) of the best pair, eq. (5) of method.md
@@ -121,6 +122,15 @@ struct Prior {
   std::uint64_t sequence = 0;
 };
 
+// A key point of a frame, for people to look at.
+struct SeenPoint {
+  float x = 0;  // pixels of the image given, centres at integers
+  float y = 0;
+  float radius_px = 0;
+  bool matched = false;  // it speaks for the fix: agrees with the pose or, without landmarks, is
+                         // like nothing so much as a detail of the location
+};
+
 // The engine. Create() checks and allocates everything; Localize() allocates nothing,
 // bounds every loop and is deterministic. Frames do not influence each other but through Prior
 // and the window. One instance serves one thread.
@@ -148,6 +158,8 @@ class Localizer {
   std::span<const float> pair_scores() const;
   std::span<const float> location_scores() const;
   std::span<const float> keyframe_similarities() const;
+  // Of the last Localize(): the frame's key points. Valid until the next call of either.
+  std::span<const SeenPoint> SeenPoints();
 
  private:
   struct State;

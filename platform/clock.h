@@ -13,6 +13,16 @@ inline std::int64_t MonotonicNs() {
   return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
 }
 
+// Nanoseconds of CLOCK_BOOTTIME, which goes on while the machine sleeps.
+inline std::int64_t BoottimeNs() {
+  timespec now = {};
+  clock_gettime(CLOCK_BOOTTIME, &now);
+  return std::int64_t{now.tv_sec} * 1'000'000'000 + now.tv_nsec;
+}
+
+// How long the machine has slept since it started, but for the time between two readings.
+inline std::int64_t SleptNs() { return BoottimeNs() - MonotonicNs(); }
+
 // Nanoseconds since 1970-01-01 UTC: for people, it may jump.
 inline std::int64_t WallClockNs() {
   timespec now = {};

@@ -2,12 +2,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # Installs what is missing, builds, and runs every test that can run here.
 #
-#   tests/run.sh [--no-install] [--preset NAME]... [--real]
+#   tests/run.sh [--no-install] [--preset NAME]... [--real] [--soak]
 #
 # --no-install   do not install missing Debian packages
 # --preset NAME  build and test this preset: host-release (the one if none is
 #                named), host-debug (with sanitizers) or board; may be repeated
 # --real         also run the long checks on real images, if there are any
+# --soak         also replay for half an hour with sanitizers, and measure what slow
+#                readers, ends and kills cost: on a machine with nothing else to do
 #
 # The builds for ARM and without the laptop's libraries are checked along with
 # host-release. Real images are looked for in $VIEWFIX_DATA, else ../shared/data.
@@ -107,6 +109,16 @@ check_real_images() {
   fi
 }
 
+replay_with_sanitizers() {
+  build_preset host-debug viewfixd &&
+    "$ROOT/tests/soak/soak.py" replay --viewfixd "$ROOT/build/host-debug/bin/viewfixd"
+}
+
+check_endurance() {
+  check "Half an hour of replay with sanitizers" replay_with_sanitizers
+  check "Slow readers, ends and kills" "$ROOT/tests/soak/soak.py" load
+}
+
 print_summary() {
   step "Summary"
   [[ ${#remarks[@]} -eq 0 ]] || printf '%s\n' "${remarks[@]}"
@@ -114,12 +126,13 @@ print_summary() {
 }
 
 main() {
-  local install=1 real=0 presets=() preset
+  local install=1 real=0 soak=0 presets=() preset
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
       --no-install) install=0 ;;
       --real) real=1 ;;
+      --soak) soak=1 ;;
       --preset)
         [[ ${2:-} =~ ^(host-release|host-debug|board)$ ]] ||
           usage_error "--preset takes host-release, host-debug or board"
@@ -143,6 +156,7 @@ main() {
   if [[ " ${presets[*]} " == *" host-release "* ]]; then
     check_other_targets
     check_real_images "$real"
+    [[ $soak -eq 0 ]] || check_endurance
   fi
   print_summary
   [[ $failed -eq 0 ]]

@@ -37,7 +37,7 @@ std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, int 
 }  // namespace
 
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
-                             const ModelDetails& details, int num_locations)
+                             const ModelDetails& details, int num_locations, int max_features)
     : words_(words),
       dim_(dim),
       details_(details),
@@ -46,7 +46,8 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
       table_(std::size_t(details.parts) * kCodesOfPart),
       nearest2_(num_locations, kFar2),
       evidence_(num_locations, 0),
-      votes_(num_locations, 0) {
+      votes_(num_locations, 0),
+      choices_(max_features, -1) {
   touched_.reserve(num_locations);
   const int piece = dim / details.parts;
   for (int p = 0; p < details.parts; ++p) {
@@ -111,8 +112,8 @@ void PlaceEvidence::CompareWithList(std::int32_t query_norm2, std::int32_t word_
   }
 }
 
-// Of the feature whose distances are in nearest2_, which is cleared.
-void PlaceEvidence::Vote() {
+// Of the feature whose distances are in nearest2_, which is cleared. Returns what it spoke for.
+int PlaceEvidence::Vote() {
   std::int32_t first2 = kFar2, second2 = kFar2;
   int location = -1;
   for (const int l : touched_) {
@@ -127,9 +128,10 @@ void PlaceEvidence::Vote() {
     }
   }
   touched_.clear();
-  if (first2 == second2) return;
+  if (first2 == second2) return -1;
   evidence_[location] += second2 - first2;
   ++votes_[location];
+  return location;
 }
 
 void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
@@ -147,7 +149,7 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
       const std::int32_t dot = Dot(descriptor, words_.data() + std::size_t(word) * dim_, dim_);
       CompareWithList(norm2, dot, 2 * word + dark);
     }
-    Vote();
+    choices_[i] = Vote();
   }
 }
 

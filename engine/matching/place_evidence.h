@@ -29,9 +29,10 @@ class PlaceEvidence {
   static constexpr std::int32_t kUnit = 1000;
 
   //   words [num_words, dim] of the model's vocabulary
+  //   max_features: that Weigh() is given at most
   // Both are borrowed and must outlive this.
   PlaceEvidence(std::span<const std::int8_t> words, int dim, const ModelDetails& details,
-                int num_locations);
+                int num_locations, int max_features);
 
   //   descriptors [n, dim], keypoints [n]
   //   words_of_features [n, words_per_feature] as Vocabulary::NearestWords() gives them
@@ -41,6 +42,9 @@ class PlaceEvidence {
   // Of the last Weigh(): e_l of every location, and how many features spoke for it.
   std::span<const std::int32_t> evidence() const { return evidence_; }
   std::span<const int> votes() const { return votes_; }
+
+  // [max_features] the location that each of the n features spoke for; -1: none.
+  std::span<const int> choices() const { return choices_; }
 
   // How far the location that most speaks for stands out: (e - e') / sqrt(e), in units, e' the
   // best other location's. Evidence of chance grows as its square root does. Nothing: 0.
@@ -56,7 +60,7 @@ class PlaceEvidence {
   void SumNorms();
   void FillTable(const std::int8_t* descriptor);
   void CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list);
-  void Vote();
+  int Vote();
 
   std::span<const std::int8_t> words_;
   int dim_;
@@ -68,6 +72,7 @@ class PlaceEvidence {
   std::vector<int> touched_;            // locations that are nearer than that
   std::vector<std::int32_t> evidence_;  // [locations]
   std::vector<int> votes_;              // [locations]
+  std::vector<int> choices_;            // [features]
 };
 
 }  // namespace viewfix

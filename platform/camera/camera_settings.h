@@ -20,7 +20,9 @@ struct CameraSettings {
   enum class Kind { kNone, kReplay, kV4l2, kLibcamera };
 
   Kind kind = Kind::kNone;
-  std::string where;  // folder or video (replay); node, by-id name or card name (v4l2)
+  // Folder, list of images or video (replay); node, by-id name or card name (v4l2); part of the
+  // id or the model (libcamera).
+  std::string where;
   // Live cameras; the nearest that the camera has is taken, and said.
   int width = 640;  // pixels
   int height = 480;

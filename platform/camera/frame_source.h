@@ -55,8 +55,8 @@ class FrameSource {
 };
 
 // Replays a folder's *.jpg / *.jpeg in name order (searched recursively), or, if
-// the folder holds images.csv, the files of its `path` column in row order.
-// A file that is no folder is a video.
+// the folder holds images.csv, the files of its `path` column in row order. A file is a list of
+// images, relative to its own folder (*.csv: such a table; *.txt: a path a line), else a video.
 Result<std::unique_ptr<FrameSource>> OpenReplay(const CameraSettings& settings);
 // Every frame once, at full speed.
 Result<std::unique_ptr<FrameSource>> OpenReplay(const std::string& folder);

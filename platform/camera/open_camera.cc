@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "platform/camera/frame_source.h"
+#include "platform/camera/libcamera/libcamera_camera.h"
 #include "platform/camera/v4l2/v4l2_camera.h"
 
 namespace viewfix {
@@ -10,6 +11,8 @@ Result<std::unique_ptr<FrameSource>> OpenCamera(const CameraSettings& settings) 
       return OpenReplay(settings);
     case CameraSettings::Kind::kV4l2:
       return MakeV4l2Camera(RealV4l2System(), settings);
+    case CameraSettings::Kind::kLibcamera:
+      return MakeLibcameraCamera(settings);
     default:
       return Status(StatusCode::kUnsupported, "this build has no such camera", settings.where);
   }

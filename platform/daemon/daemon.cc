@@ -11,8 +11,10 @@
 #include <cinttypes>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -30,6 +32,8 @@ namespace viewfix {
 namespace {
 
 constexpr int kTurnMs = 500;  // of the loop that looks after all others
+// At the end: longer than most frames take, shorter than those who stop us wait.
+constexpr int kLastFrameMs = 100;
 
 ModelSettings ModelSettingsOf(const DaemonOptions& options) {
   return {options.model_path, options.store_folder, options.trust_folder, options.calibration_path,
@@ -156,9 +160,11 @@ Status Daemon::StartPipeline() {
     PrintFault(status);
   }
   if (Status status = OpenPublishers(); !status.ok()) return status;
-  std::function<void(const GreyImage&)> show;
+  std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
   if (server_ != nullptr && options_.publish.frame_picture) {
-    show = [this](const GreyImage& frame) { server_->Show(frame); };
+    show = [this](const GreyImage& frame, std::span<const SeenPoint> points) {
+      server_->Show(frame, points);
+    };
   }
   pipeline_ = std::make_unique<Pipeline>(
       std::move(*source), PipelineRates{options_.max_fps, options_.idle_fps},
@@ -179,10 +185,16 @@ int Daemon::Run() {
   notifier_.Send("READY=1");
   Watch();
   notifier_.Send("STOPPING=1");
-  pipeline_->Stop();
+  pipeline_->BeginStop();
+  pollfd ended = {ended_, POLLIN, 0};
+  const bool in_time = ::poll(&ended, 1, kLastFrameMs) > 0;
+  if (in_time) pipeline_->Stop();
   mqtt_ = nullptr;
   publisher_.reset();
-  return ExitCode();
+  const int code = ExitCode();
+  // A thread still works on what would be freed; nothing of it is to be kept.
+  if (!in_time) std::_Exit(code);
+  return code;
 }
 
 void Daemon::Watch() {

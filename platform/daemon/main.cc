@@ -3,6 +3,7 @@
 #include <string>
 #include <string_view>
 
+#include "platform/camera/libcamera/libcamera_camera.h"
 #include "platform/camera/v4l2/v4l2_camera.h"
 #include "platform/daemon/daemon.h"
 #include "platform/daemon/options.h"
@@ -28,7 +29,8 @@ int RunOrCheck(const CommandLine& line) {
 
 int Cameras(int argc, char** argv) {
   if (argc > 1) return WrongUsage(std::string("unexpected argument ") + argv[1]);
-  std::fputs(DescribeCameras(RealV4l2System()).c_str(), stdout);
+  const std::string text = DescribeCameras(RealV4l2System()) + DescribeLibcameraCameras();
+  std::fputs(text.empty() ? "No camera found.\n" : text.c_str(), stdout);
   return 0;
 }
 

@@ -50,15 +50,15 @@ std::string TakeTrust(const std::string& value, DaemonOptions& options) {
 
 std::string TakeCamera(const std::string& value, DaemonOptions& options) {
   using Kind = CameraSettings::Kind;
-  constexpr std::pair<std::string_view, Kind> kKinds[] = {{"replay:", Kind::kReplay},
-                                                          {"v4l2:", Kind::kV4l2}};
+  constexpr std::pair<std::string_view, Kind> kKinds[] = {
+      {"replay:", Kind::kReplay}, {"v4l2:", Kind::kV4l2}, {"libcamera:", Kind::kLibcamera}};
   for (const auto& [prefix, kind] : kKinds) {
     if (value.rfind(prefix, 0) != 0 || value.size() == prefix.size()) continue;
     options.camera.kind = kind;
     options.camera.where = value.substr(prefix.size());
     return {};
   }
-  return "neither replay:PATH nor v4l2:DEVICE";
+  return "not replay:PATH, v4l2:DEVICE or libcamera:NAME";
 }
 
 std::string TakeCalibration(const std::string& value, DaemonOptions& options) {
@@ -300,7 +300,7 @@ std::string Inconsistent(const DaemonOptions& options) {
     return "--model and --store exclude each other";
   }
   if (options.camera.kind == CameraSettings::Kind::kNone) {
-    return "--camera replay:PATH or v4l2:DEVICE is missing";
+    return "--camera replay:PATH, v4l2:DEVICE or libcamera:NAME is missing";
   }
   if (publish.http_port != 0 && !IsLoopback(publish.http_address) && publish.token_file.empty()) {
     return "http beyond this machine (" + publish.http_address + ") needs --token-file";
@@ -353,7 +353,7 @@ std::string LoadOptions(const CommandLine& command_line, DaemonOptions& options)
 const char* DaemonHelp() {
   return R"(viewfixd: tells where a camera is, one JSON line a frame.
 
-  viewfixd --model FILE | --store DIR --camera v4l2:DEVICE|replay:PATH [OPTIONS]
+  viewfixd --model FILE | --store DIR --camera v4l2:DEVICE|libcamera:NAME|replay:PATH [OPTIONS]
   viewfixd --config FILE [OPTIONS]
   viewfixd cameras                   the cameras of this machine, what they can do
   viewfixd store --help              the folder of models that `viewfix flash` fills
@@ -364,9 +364,12 @@ const char* DaemonHelp() {
   --trust DIR          whose models are taken from it (default /etc/viewfix/trust)
   --camera v4l2:DEVICE /dev/video0, a name in /dev/v4l/by-id, or part of the camera's own name;
                        it may be unplugged and come back
+  --camera libcamera:NAME
+                       the same by libcamera (where this build has it), for sensors that need its
+                       pipelines: part of the id or of the model, as `viewfixd cameras` shows them
   --camera replay:PATH the *.jpg of a folder in name order, or, where the folder holds
-                       images.csv, the files of its path column in row order; or a video
-                       (needs ffmpeg)
+                       images.csv, the files of its path column in row order; or a list of images,
+                       a .txt of one path a line; or a video (needs ffmpeg)
   --calibration FILE   of the camera, in OpenCV's or ROS's YAML, for frames as they are after
                        --rotate; default: the camera that the site was photographed with
   --publish LIST       where fixes go, with commas: stdout (the default), unix:PATH (any number of
@@ -393,7 +396,8 @@ A replay takes every frame, however long it takes, unless:
 
 HTTP:
   --token-file FILE    whose first line a client must know; needed beyond this machine
-  --frame-picture on   serve the last frame as /frame.jpg; off by default, for privacy
+  --frame-picture on   serve the last frame as /frame.jpg, its features drawn, those that speak for
+                       the fix in green; off by default, for privacy
 
 MQTT:
   --mqtt-user NAME, --mqtt-password-file FILE, --mqtt-ca-file FILE

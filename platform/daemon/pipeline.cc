@@ -44,7 +44,7 @@ void Pipeline::Start(std::function<void()> on_end) {
   localize_thread_ = std::thread([this] { LocalizeFrames(); });
 }
 
-void Pipeline::Stop() {
+void Pipeline::BeginStop() {
   {
     const std::lock_guard lock(mutex_);
     stop_ = true;
@@ -52,6 +52,11 @@ void Pipeline::Stop() {
     wake_.notify_all();
   }
   mailbox_.Close();
+  const std::lock_guard publishing(publish_mutex_);
+}
+
+void Pipeline::Stop() {
+  BeginStop();
   if (capture_thread_.joinable()) capture_thread_.join();
   if (localize_thread_.joinable()) localize_thread_.join();
 }
@@ -180,12 +185,12 @@ bool Pipeline::Still(const Frame& frame) {
 
 // The motion between frames is counted in frames of a tenth of a second, LocalizerOptions'
 // frame_interval_s. A recording's own frames are those, so that it gives the same at any speed; of
-// a camera it depends on the time between two answers, and after a second nothing is known of the
-// motion.
+// a camera it depends on the time between two answers, a sleep of the machine included, and after a
+// second nothing is known of the motion.
 std::uint64_t Pipeline::NumberOf(const Frame& frame) {
   if (!live_) return frame.sequence;
-  const std::int64_t passed_ns = frame.capture_time_ns - captured_ns_;
-  captured_ns_ = frame.capture_time_ns;
+  const std::int64_t captured_ns = frame.capture_time_ns + SleptNs();
+  const std::int64_t passed_ns = captured_ns - std::exchange(captured_ns_, captured_ns);
   const std::int64_t steps = (passed_ns + kNominalNs / 2) / kNominalNs;
   number_ += static_cast<std::uint64_t>(std::clamp<std::int64_t>(steps, 1, kForgetAfter));
   return number_;
@@ -206,8 +211,11 @@ bool Pipeline::Answer(Frame& frame) {
   }
   parts_.health->CountFix(*fix);
   said_state_.clear();
-  if (parts_.show) parts_.show(frame.image);
-  return Publish(WriteFix(frame, *fix, *model_));
+  const std::string_view line = WriteFix(frame, *fix, *model_);
+  const std::lock_guard publishing(publish_mutex_);
+  if (stop_) return false;
+  if (parts_.show) parts_.show(frame.image, model_->localizer->SeenPoints());
+  return Publish(line);
 }
 
 // Once a second while camera or model are missing.
@@ -223,7 +231,8 @@ bool Pipeline::SayWhyNothing() {
   const std::string detail =
       state == "no_camera" ? parts_.health->camera().text : parts_.health->model_fault();
   WriteStateLine({state, last_sequence_, hash, detail, now_ns, WallClockNs()}, state_line_);
-  return Publish(state_line_.text());
+  const std::lock_guard publishing(publish_mutex_);
+  return !stop_ && Publish(state_line_.text());
 }
 
 bool Pipeline::Publish(std::string_view line) {

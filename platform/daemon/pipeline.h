@@ -7,6 +7,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 
 #include "platform/camera/frame_source.h"
@@ -34,7 +35,8 @@ class Pipeline {
     ModelHolder* models;
     Health* health;
     Publisher* publisher;
-    std::function<void(const GreyImage&)> show;  // each frame answered; null: nobody looks
+    // Each frame answered, and its key points; null: nobody looks.
+    std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
   };
 
   Pipeline(std::unique_ptr<FrameSource> source, const PipelineRates& rates, Parts parts);
@@ -45,6 +47,9 @@ class Pipeline {
   void Start(std::function<void()> on_end);
   // Ends both threads; returns when they have ended.
   void Stop();
+  // Ends them too, but a frame may still be in the localizer when this returns. Nothing is
+  // published from then on.
+  void BeginStop();
   // Why publishing became impossible (kCancelled: nobody reads any more), else ok. After on_end.
   Status fault() const { return fault_; }
 
@@ -77,6 +82,7 @@ class Pipeline {
   std::atomic<bool> localizing_ = true;
   std::atomic<std::int64_t> wanted_interval_ns_ = 0;
   std::thread capture_thread_, localize_thread_;
+  std::mutex publish_mutex_;  // held while a line is published; none is once stop_ is seen under it
 
   mutable std::mutex mutex_;
   std::condition_variable wake_;
@@ -100,7 +106,7 @@ class Pipeline {
   std::string said_state_;
   std::uint64_t last_sequence_ = 0;
   std::uint64_t number_ = 0;      // of the last frame answered, as the motion counts
-  std::int64_t captured_ns_ = 0;  // and when it was captured
+  std::int64_t captured_ns_ = 0;  // and when it was captured, by CLOCK_BOOTTIME
   Status fault_;
 };
 

@@ -257,6 +257,11 @@ void HttpOutput::OnStreamClosed(evhttp_connection*, void* stream) {
   auto* closed = static_cast<Stream*>(stream);
   HttpOutput* output = closed->output;
   --output->counts_.clients;
+  // Where the reader hung up, libevent has taken the request from its connection and leaves it to
+  // us: it is still being answered.
+  if (evhttp_request_get_connection(closed->request) == nullptr) {
+    evhttp_request_free(closed->request);
+  }
   output->streams_.remove_if([&](const Stream& s) { return &s == closed; });
 }
 

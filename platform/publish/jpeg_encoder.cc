@@ -38,14 +38,14 @@ bool Compress(Encoder& encoder, const std::uint8_t* pixels, int width, int heigh
   jpeg_mem_dest(&info, &encoder.bytes, &encoder.size);
   info.image_width = static_cast<JDIMENSION>(width);
   info.image_height = static_cast<JDIMENSION>(height);
-  info.input_components = 1;
-  info.in_color_space = JCS_GRAYSCALE;
+  info.input_components = 3;
+  info.in_color_space = JCS_RGB;
   jpeg_set_defaults(&info);
   jpeg_set_quality(&info, quality, TRUE);
   jpeg_start_compress(&info, TRUE);
   while (info.next_scanline < info.image_height) {
     JSAMPROW row =
-        const_cast<JSAMPROW>(pixels + std::size_t{info.next_scanline} * info.image_width);
+        const_cast<JSAMPROW>(pixels + 3 * std::size_t{info.next_scanline} * info.image_width);
     jpeg_write_scanlines(&info, &row, 1);
   }
   jpeg_finish_compress(&info);
@@ -54,7 +54,7 @@ bool Compress(Encoder& encoder, const std::uint8_t* pixels, int width, int heigh
 
 }  // namespace
 
-std::vector<std::uint8_t> EncodeGreyJpeg(const GreyImage& image, int quality) {
+std::vector<std::uint8_t> EncodeJpeg(const RgbImage& image, int quality) {
   Encoder encoder;
   const bool ok = Compress(encoder, image.pixels.data(), image.width, image.height, quality);
   jpeg_destroy_compress(&encoder.info);

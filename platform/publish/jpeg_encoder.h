@@ -4,11 +4,16 @@
 #include <cstdint>
 #include <vector>
 
-#include "platform/camera/jpeg_decoder.h"
-
 namespace viewfix {
 
-// A grey picture as a JPEG, for people to look at. Empty: libjpeg refuses the size.
-std::vector<std::uint8_t> EncodeGreyJpeg(const GreyImage& image, int quality);
+// A colour picture, row by row, red green blue.
+struct RgbImage {
+  int width = 0;
+  int height = 0;
+  std::vector<std::uint8_t> pixels;  // [height, width, 3]
+};
+
+// A picture as a JPEG, for people to look at. Empty: libjpeg refuses the size.
+std::vector<std::uint8_t> EncodeJpeg(const RgbImage& image, int quality);
 
 }  // namespace viewfix

@@ -11,11 +11,12 @@
 #include <optional>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "platform/log.h"
+#include "platform/publish/draw_features.h"
 #include "platform/publish/event_handles.h"
 #include "platform/publish/http_output.h"
-#include "platform/publish/jpeg_encoder.h"
 #include "platform/publish/unix_output.h"
 
 namespace viewfix {
@@ -42,7 +43,7 @@ class Server::Impl {
     thread_ = std::thread([this] { event_base_dispatch(base_.get()); });
   }
   void Publish(std::string_view line);
-  void Show(const GreyImage& frame);
+  void Show(const GreyImage& frame, std::span<const SeenPoint> points);
   PublishCounts counts() const;
 
  private:
@@ -68,6 +69,7 @@ class Server::Impl {
   std::uint64_t inbox_dropped_ = 0;
   PublishCounts counts_;
   GreyImage frame_;
+  std::vector<SeenPoint> points_;  // of frame_
 };
 
 Server::Impl::~Impl() {
@@ -160,19 +162,22 @@ void Server::Impl::Publish(std::string_view line) {
   (void)::eventfd_write(wake_fd_, 1);
 }
 
-void Server::Impl::Show(const GreyImage& frame) {
+void Server::Impl::Show(const GreyImage& frame, std::span<const SeenPoint> points) {
   const std::lock_guard lock(mutex_);
   frame_ = frame;
+  points_.assign(points.begin(), points.end());
 }
 
 std::vector<std::uint8_t> Server::Impl::FrameJpeg() {
   GreyImage frame;
+  std::vector<SeenPoint> points;
   {
     const std::lock_guard lock(mutex_);
     frame = frame_;
+    points = points_;
   }
   return frame.pixels.empty() ? std::vector<std::uint8_t>()
-                              : EncodeGreyJpeg(frame, kPictureQuality);
+                              : EncodeJpeg(DrawFeatures(frame, points), kPictureQuality);
 }
 
 PublishCounts Server::Impl::counts() const {
@@ -196,7 +201,9 @@ Status Server::Publish(std::string_view line) {
   return {};
 }
 
-void Server::Show(const GreyImage& frame) { impl_->Show(frame); }
+void Server::Show(const GreyImage& frame, std::span<const SeenPoint> points) {
+  impl_->Show(frame, points);
+}
 
 PublishCounts Server::counts() const { return impl_->counts(); }
 

@@ -3,6 +3,7 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -13,6 +14,8 @@
 #include "platform/publish/publisher.h"
 
 namespace viewfix {
+
+struct SeenPoint;  // engine/localizer.h
 
 // What the server tells besides the lines themselves. All of it is asked for by the server's
 // thread.
@@ -41,8 +44,8 @@ class Server : public Publisher {
   ~Server() override;
 
   Status Publish(std::string_view line) override;
-  // The last frame, for /frame.jpg; not asked for unless the settings say so.
-  void Show(const GreyImage& frame);
+  // The last frame and its key points, for /frame.jpg; not asked for unless the settings say so.
+  void Show(const GreyImage& frame, std::span<const SeenPoint> points);
   PublishCounts counts() const;
 
  private:

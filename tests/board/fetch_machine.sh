@@ -14,6 +14,12 @@ source "$ROOT/toolchains/debian_sources.sh"
 # Of vivid, in loading order; those that the kernel has built in are passed over.
 readonly VIVID=(mc videodev videobuf2-common videobuf2-v4l2 videobuf2-memops videobuf2-vmalloc
   videobuf2-dma-contig v4l2-dv-timings v4l2-tpg rc-core cec vivid)
+# Of a disk that outlives the machine.
+readonly DISK=(virtio virtio_ring virtio_mmio virtio_blk crc16 crc32c_generic libcrc32c mbcache jbd2 ext4)
+
+# Of what this very script fetches: another version of it fetches anew.
+MARK=complete-$(sha256sum "${BASH_SOURCE[0]}" | head -c 12)
+readonly MARK
 
 # An apt of its own for arm64 and the packages of every architecture.
 set_up_apt() {
@@ -55,7 +61,7 @@ kernel_package() {
 copy_modules() {
   local root=$1 dir=$2 version=$3 number=10 name file
   mkdir -p "$dir/modules"
-  for name in "${VIVID[@]}"; do
+  for name in "${VIVID[@]}" "${DISK[@]}"; do
     file=$(find "$root/lib/modules/$version" -name "$name.ko*" | head -n 1)
     [[ -n $file ]] || continue
     case $file in
@@ -82,7 +88,7 @@ build_loopback() {
   cp -r "$work"/root/usr/src/v4l2loopback-* "$work/loopback"
   make -s -C "$headers" M="$work/loopback" ARCH=arm64 CROSS_COMPILE=aarch64-linux-gnu- \
     CC=aarch64-linux-gnu-gcc modules
-  aarch64-linux-gnu-strip --strip-debug -o "$dir/modules/30-v4l2loopback.ko" \
+  aarch64-linux-gnu-strip --strip-debug -o "$dir/modules/90-v4l2loopback.ko" \
     "$work/loopback/v4l2loopback.ko"
 }
 
@@ -90,7 +96,7 @@ main() {
   [[ ${1:-} != -h && ${1:-} != --help ]] || { print_help; return; }
   [[ $# -eq 1 ]] || usage_error "expected DIR"
   local dir=$1 kernel version
-  if [[ -e $dir/complete ]]; then
+  if [[ -e $dir/$MARK ]]; then
     echo "The virtual board's parts are in $dir."
     return
   fi
@@ -110,7 +116,7 @@ main() {
   build_loopback "$work" "$dir" "$version"
   cp "$work/root/boot/vmlinuz-$version" "$dir/vmlinuz"
   cp "$work/root/bin/busybox" "$dir/busybox"
-  echo "$version" > "$dir/complete"
+  echo "$version" > "$dir/$MARK"
 }
 
 main "$@"

@@ -4,10 +4,11 @@
 # the static viewfixd runs on its V4L2 devices: vivid for pixel formats and for every fault
 # that it can inject, v4l2loopback for photographs whose fixes must be this machine's.
 #
-#   tests/board/run.sh [--set FOLDER --model FILE]
+#   tests/board/run.sh [--set FOLDER --model FILE] [--cuts N]
 #
 # --set, --model  the photographs and the model; default: a small museum, rendered
 #                 and trained on the way
+# --cuts N        cut the power N times at random moments, while models are installed (default 3)
 #
 # Needs the builds host-release and aarch64-release (made here if they are not there),
 # qemu-system-aarch64 and the cross compiler. Exit code 77: one of these is absent.
@@ -21,6 +22,7 @@ readonly HOST_BIN="${VIEWFIX_HOST_BIN:-$ROOT/build/host-release/bin}"
 readonly BOARD_BUILD="$ROOT/build/aarch64-release"
 readonly FRAMES=6
 readonly MAX_SECONDS=300
+readonly MAX_START_SECONDS=90
 
 skip() {
   echo "$*"
@@ -29,6 +31,7 @@ skip() {
 
 check_needs() {
   command -v qemu-system-aarch64 > /dev/null || skip "qemu-system-aarch64 is not installed"
+  [[ -x $(PATH=$PATH:/usr/sbin command -v mke2fs) ]] || skip "mke2fs is not installed"
   command -v aarch64-linux-gnu-g++ > /dev/null || skip "aarch64-linux-gnu-g++ is not installed"
   [[ -x $HOST_BIN/viewfixd ]] || die "$HOST_BIN/viewfixd is not built"
 }
@@ -80,15 +83,18 @@ pack() {
   cp "$BOARD_BUILD/bin/viewfixd" "$BOARD_BUILD/bin/board_tool" "$root/bin/"
   cp "$model" "$root/data/site.vfx"
   cp -r "$WORK/data/frames" "$root/data/"
+  mkdir -p "$root/disk"
   install -m 755 "$HERE/guest_init.sh" "$root/init"
   python3 -B "$HERE/pack_initramfs.py" "$root" "$WORK/initramfs.gz"
 }
 
+readonly MACHINE_OPTIONS=(-M virt -cpu cortex-a72 -accel tcg,thread=multi -smp 2 -m 512 -nographic
+  -no-reboot -nodefaults -kernel "$MACHINE/vmlinuz" -initrd "$WORK/initramfs.gz")
+readonly KERNEL_OPTIONS="console=ttyAMA0 quiet panic=-1"
+
 boot() {
-  timeout "$MAX_SECONDS" qemu-system-aarch64 -M virt -cpu cortex-a72 -accel tcg,thread=multi \
-    -smp 2 -m 512 -nographic -no-reboot -nodefaults -serial stdio \
-    -kernel "$MACHINE/vmlinuz" -initrd "$WORK/initramfs.gz" \
-    -append "console=ttyAMA0 quiet panic=-1" < /dev/null | tr -d '\r' |
+  timeout "$MAX_SECONDS" qemu-system-aarch64 "${MACHINE_OPTIONS[@]}" -serial stdio \
+    -append "$KERNEL_OPTIONS" < /dev/null | tr -d '\r' |
     tee "$WORK/serial.log" | grep --line-buffered -E '^(PASS|FAIL|FIGURE|BOARD)' || true
 }
 
@@ -112,13 +118,56 @@ judge() {
   echo "The virtual board: $(grep -c '^PASS' "$WORK/serial.log") things passed."
 }
 
+# A disk with a store of one model, another model to be installed over it, and a socket's place.
+make_disk() {
+  local root=$WORK/disk store=(--store "$WORK/disk/store" --trust "$WORK/disk/trust")
+  mkdir -p "$root/models" "$root/trust"
+  touch "$root/trust/development"
+  cp "$model" "$root/models/a.vfx"
+  "$HOST_BIN/viewfix" train "$set" --out "$root/models/b.vfx" --words 100 > /dev/null
+  "$HOST_BIN/viewfixd" store install "$root/models/a.vfx" "${store[@]}"
+  PATH=$PATH:/usr/sbin mke2fs -q -t ext4 -d "$root" "$WORK/disk.img" 64M
+}
+
+# Starts from the disk; once fixes are served, the power goes within eight seconds.
+cut_once() {
+  local log=$WORK/cut.log machine ended=$((SECONDS + MAX_START_SECONDS)) up=1
+  : > "$log"
+  qemu-system-aarch64 "${MACHINE_OPTIONS[@]}" -serial "file:$log" \
+    -drive "file=$WORK/disk.img,format=raw,if=none,id=disk" -device virtio-blk-device,drive=disk \
+    -append "$KERNEL_OPTIONS power_cuts" < /dev/null &
+  machine=$!
+  while [[ $SECONDS -lt $ended ]] && ! grep -q '^UP' "$log"; do
+    sleep 0.2
+  done
+  grep -q '^UP' "$log" || up=0
+  sleep "$((RANDOM % 8)).$((RANDOM % 10))"
+  kill -9 "$machine"
+  wait "$machine" 2> /dev/null || true
+  grep -E '^(UP|INSTALLED)' "$log" | tr -d '\r' | paste -sd ' ' || true
+  [[ $up -eq 1 ]] || { tail -n 20 "$log"; die "the board does not start after a power cut"; }
+}
+
+cut_power() {
+  local number
+  [[ $1 -gt 0 ]] || return 0
+  step "Power cuts"
+  make_disk
+  for ((number = 0; number <= $1; number++)); do
+    cut_once
+  done
+  echo "The board started and served after each of $1 power cuts."
+}
+
 main() {
+  local cuts=3
   set='' model=''
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
       --set) set=$(realpath "$2"); shift ;;
       --model) model=$(realpath "$2"); shift ;;
+      --cuts) cuts=$2; shift ;;
       *) usage_error "unknown argument '$1'" ;;
     esac
     shift
@@ -135,6 +184,7 @@ main() {
   pack
   boot
   judge
+  cut_power "$cuts"
 }
 
 main "$@"

@@ -14,7 +14,7 @@ import sys
 # The only shared libraries viewfixd may ask for (the sanitizers' in debug builds).
 BOARD_LIBRARIES = re.compile(
     r'(libc|libm|libstdc\+\+|libgcc_s|libjpeg|libsodium|libexif|libzstd|libevent_(core|extra)-2\.1|'
-    r'libmosquitto|libasan|libubsan|ld-linux[\w-]*)\.so')
+    r'libmosquitto|libcamera(-base)?|libasan|libubsan|ld-linux[\w-]*)\.so')
 
 # Symbols, demangled, that the engine may not ask for.
 IO_SYMBOLS = re.compile(

@@ -25,10 +25,16 @@ Status Refused(const char* text, const fs::path& path, const std::error_code& er
   return AboutFile(path.string(), {StatusCode::kIo, text, error.message()});
 }
 
-bool IsJpegName(const fs::path& path) {
+// In lower case: ".jpg".
+std::string EndingOf(const fs::path& path) {
   std::string ending = path.extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+bool IsJpegName(const fs::path& path) {
+  const std::string ending = EndingOf(path);
   return ending == ".jpg" || ending == ".jpeg";
 }
 
@@ -58,6 +64,24 @@ Result<std::vector<fs::path>> ListCsv(const fs::path& csv) {
   if (column < 0) return Status(StatusCode::kCorrupt, "no column `path`", csv.string());
   std::vector<fs::path> names;
   for (const CsvTable::Row& row : table->rows) names.emplace_back(row.cells[column]);
+  return names;
+}
+
+// One path a line; empty lines and those that begin with # are passed over.
+Result<std::vector<fs::path>> ListText(const fs::path& text) {
+  const Result<std::vector<std::uint8_t>> bytes = ReadFile(text.string());
+  if (!bytes.ok()) return bytes.status();
+  std::vector<fs::path> names;
+  std::string line;
+  const auto take = [&] {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    if (!line.empty() && line.front() != '#') names.emplace_back(line);
+    line.clear();
+  };
+  for (const std::uint8_t byte : *bytes) {
+    byte == '\n' ? take() : line.push_back(static_cast<char>(byte));
+  }
+  take();
   return names;
 }
 
@@ -152,14 +176,33 @@ class Replay : public FrameSource {
 
 }  // namespace
 
+namespace {
+
+// `names` are relative to `folder`; `where` is what the user named.
+Result<std::unique_ptr<Recording>> Images(const fs::path& folder, const std::string& where,
+                                          Result<std::vector<fs::path>> names) {
+  if (!names.ok()) return names.status();
+  if (names->empty()) return Status(StatusCode::kNotFound, "no JPEG image in", where);
+  return std::unique_ptr<Recording>(std::make_unique<Folder>(folder, std::move(*names)));
+}
+
+}  // namespace
+
 Result<std::unique_ptr<Recording>> OpenFolder(const std::string& folder) {
   std::error_code error;
   const fs::path csv = fs::path(folder) / "images.csv";
-  Result<std::vector<fs::path>> names =
-      fs::exists(csv, error) ? ListCsv(csv) : ListJpegs(fs::path(folder));
-  if (!names.ok()) return names.status();
-  if (names->empty()) return Status(StatusCode::kNotFound, "no JPEG image in", folder);
-  return std::unique_ptr<Recording>(std::make_unique<Folder>(folder, std::move(*names)));
+  return Images(folder, folder, fs::exists(csv, error) ? ListCsv(csv) : ListJpegs(folder));
+}
+
+Result<std::unique_ptr<Recording>> OpenList(const std::string& list) {
+  const fs::path path = list;
+  return Images(path.parent_path(), list,
+                EndingOf(path) == ".csv" ? ListCsv(path) : ListText(path));
+}
+
+bool IsListName(const std::string& path) {
+  const std::string ending = EndingOf(path);
+  return ending == ".csv" || ending == ".txt";
 }
 
 std::unique_ptr<FrameSource> MakeReplay(std::unique_ptr<Recording> recording,
@@ -172,11 +215,12 @@ Result<std::unique_ptr<FrameSource>> OpenReplay(const CameraSettings& settings) 
   std::error_code error;
   const fs::file_status kind = fs::status(where, error);
   if (kind.type() == fs::file_type::not_found) {
-    return Status(StatusCode::kNotFound, "no such folder or video", where);
+    return Status(StatusCode::kNotFound, "no such folder, list or video", where);
   }
   if (error) return Refused("cannot open", where, error);
-  Result<std::unique_ptr<Recording>> recording =
-      fs::is_directory(kind) ? OpenFolder(where) : OpenVideo(where);
+  Result<std::unique_ptr<Recording>> recording = fs::is_directory(kind) ? OpenFolder(where)
+                                                 : IsListName(where)    ? OpenList(where)
+                                                                        : OpenVideo(where);
   if (!recording.ok()) return recording.status();
   return MakeReplay(std::move(*recording), settings);
 }

@@ -20,6 +20,10 @@ class Recording {
 // A folder's pictures (frame_source.h says which).
 Result<std::unique_ptr<Recording>> OpenFolder(const std::string& folder);
 
+// A list of pictures, and whether a file's name is that of one (the same).
+Result<std::unique_ptr<Recording>> OpenList(const std::string& list);
+bool IsListName(const std::string& path);
+
 // A video, decoded to grey by an ffmpeg process.
 Result<std::unique_ptr<Recording>> OpenVideo(const std::string& path);
 

@@ -3,6 +3,7 @@
 
 #include "platform/camera/v4l2/to_grey.h"
 #include "platform/camera/v4l2/v4l2_camera.h"
+#include "platform/camera/v4l2/v4l2_node.h"
 
 namespace viewfix {
 namespace {
@@ -63,7 +64,7 @@ std::string DescribeCameras(V4l2System& system) {
     DescribeFormats(*node, text);
     DescribeControls(*node, text);
   }
-  return text.empty() ? "No camera found.\n" : text;
+  return text;
 }
 
 }  // namespace viewfix

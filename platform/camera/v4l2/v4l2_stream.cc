@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "platform/camera/v4l2/v4l2_stream.h"
 
+#include <fcntl.h>
+#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 
 #include <algorithm>
@@ -12,6 +14,8 @@
 #include <limits>
 #include <memory>
 #include <utility>
+
+#include "platform/camera/v4l2/to_grey.h"
 
 namespace viewfix {
 namespace {
@@ -72,10 +76,6 @@ bool IsLimitedRange(const FormatFields& fields) {
   return fields.colorspace != V4L2_COLORSPACE_JPEG;
 }
 
-std::string SizeText(int width, int height) {
-  return std::to_string(width) + "x" + std::to_string(height);
-}
-
 // How far a size is from what is asked for: too small counts more than too large.
 std::int64_t Distance(int width, int height, const CameraSettings& settings) {
   const auto off = [](std::int64_t got, std::int64_t wanted) {
@@ -132,6 +132,7 @@ V4l2Stream::~V4l2Stream() {
   if (streaming_) node_.Ioctl(VIDIOC_STREAMOFF, &type);
   for (const Mapping& buffer : buffers_) {
     if (buffer.memory != nullptr) node_.system().Unmap(buffer.memory, buffer.length);
+    if (buffer.dmabuf >= 0) node_.system().Close(buffer.dmabuf);
   }
 }
 
@@ -154,14 +155,7 @@ Status V4l2Stream::SetFormat(const CameraSettings& settings, std::vector<std::st
   }
   format_ = {got.fourcc,    static_cast<int>(got.width), static_cast<int>(got.height),
              got.row_bytes, IsLimitedRange(got),         0};
-  if (!settings.pixel_format.empty() && settings.pixel_format != FourccText(got.fourcc)) {
-    remarks.push_back("no pixel format " + settings.pixel_format + ", taking " +
-                      FourccText(got.fourcc));
-  }
-  if (format_.width != settings.width || format_.height != settings.height) {
-    remarks.push_back("no size " + SizeText(settings.width, settings.height) + ", taking " +
-                      SizeText(format_.width, format_.height));
-  }
+  RemarkFormat(settings, FourccText(got.fourcc), format_.width, format_.height, remarks);
   return {};
 }
 
@@ -234,10 +228,32 @@ Status V4l2Stream::MapBuffer(std::uint32_t index) {
   // Luma stands in the first plane of every format that we read.
   const std::size_t length = multi ? planes[0].length : buffer.length;
   const std::size_t offset = multi ? planes[0].m.mem_offset : buffer.m.offset;
-  void* memory = node_.system().Map(node_.fd(), length, offset);
-  if (memory == nullptr) return node_.Failed("mmap");
-  buffers_.push_back({memory, length});
+  Mapping mapping = MapExported(index, length);
+  if (mapping.memory == nullptr) {
+    mapping = {node_.system().Map(node_.fd(), length, offset), length, -1};
+  }
+  if (mapping.memory == nullptr) return node_.Failed("mmap");
+  buffers_.push_back(mapping);
   return {};
+}
+
+// Without memory: the driver exports no buffers.
+V4l2Stream::Mapping V4l2Stream::MapExported(std::uint32_t index, std::size_t length) {
+  v4l2_exportbuffer exported = {};
+  exported.type = node_.buffer_type();
+  exported.index = index;
+  exported.flags = O_RDWR | O_CLOEXEC;
+  if (node_.Ioctl(VIDIOC_EXPBUF, &exported) != 0) return {};
+  void* memory = node_.system().Map(exported.fd, length, 0);
+  if (memory != nullptr) return {memory, length, exported.fd};
+  node_.system().Close(exported.fd);
+  return {};
+}
+
+void V4l2Stream::Synchronize(const Mapping& mapping, std::uint64_t flags) const {
+  if (mapping.dmabuf < 0) return;
+  dma_buf_sync sync = {flags};
+  node_.system().Ioctl(mapping.dmabuf, DMA_BUF_IOCTL_SYNC, &sync);
 }
 
 Status V4l2Stream::Queue(std::uint32_t index) {
@@ -251,6 +267,20 @@ Status V4l2Stream::Queue(std::uint32_t index) {
     buffer.length = VIDEO_MAX_PLANES;
   }
   return node_.Ioctl(VIDIOC_QBUF, &buffer) == 0 ? Status() : node_.Failed("QBUF");
+}
+
+std::string V4l2Stream::text() const {
+  char text[96];
+  std::snprintf(text, sizeof text, "%dx%d %s at %g/s, ", format_.width, format_.height,
+                FourccText(format_.fourcc).c_str(), format_.rate);
+  const bool exported = !buffers_.empty() && buffers_[0].dmabuf >= 0;
+  return text + node_.identity().card + " at " + node_.path() + (exported ? ", DMABUF" : "");
+}
+
+int V4l2Stream::Wait(int wake_fd, int timeout_ms) {
+  const int events = node_.system().Poll(node_.fd(), wake_fd, timeout_ms);
+  if (events < 0) fault_ = node_.Failed("poll");
+  return events;
 }
 
 V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
@@ -273,6 +303,7 @@ V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
     return Dequeued::kBroken;
   }
   const Mapping& mapping = buffers_[raw.index];
+  Synchronize(mapping, DMA_BUF_SYNC_START | DMA_BUF_SYNC_READ);
   const std::size_t used = multi ? planes[0].bytesused : raw.bytesused;
   const std::size_t offset = multi ? std::min<std::size_t>(planes[0].data_offset, used) : 0;
   const std::size_t end = std::min(used, mapping.length);
@@ -293,6 +324,7 @@ V4l2Stream::Dequeued V4l2Stream::Dequeue(Buffer& buffer) {
 }
 
 bool V4l2Stream::Return(const Buffer& buffer) {
+  Synchronize(buffers_[buffer.index], DMA_BUF_SYNC_END | DMA_BUF_SYNC_READ);
   fault_ = Queue(buffer.index);
   return fault_.ok();
 }

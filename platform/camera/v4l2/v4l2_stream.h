@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "platform/camera/camera_settings.h"
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/live_camera.h"
 #include "platform/camera/v4l2/v4l2_node.h"
 
 namespace viewfix {
@@ -21,39 +21,29 @@ struct StreamFormat {
   double rate = 0;  // frames a second; 0: the driver does not tell
 };
 
-// A node that streams into buffers of its own memory: format, rate, controls, buffers. Stops and
-// gives its memory back at the end.
-class V4l2Stream {
+// A node that streams into buffers of its own memory: format, rate, controls, buffers. Where the
+// driver exports them as DMABUFs they are mapped as such, and read between the calls that make the
+// processor's caches agree with what the device wrote. Stops and gives its memory back at the end.
+class V4l2Stream : public CameraStream {
  public:
-  struct Buffer {
-    RawImage image;  // in the driver's memory, until Return()
-    std::uint32_t index = 0;
-    std::uint32_t sequence = 0;  // the driver's count
-    std::int64_t time_ns = 0;    // CLOCK_MONOTONIC; 0: the driver's clock is another
-    bool erroneous = false;      // flagged as damaged
-  };
-  enum class Dequeued { kBuffer, kNone, kBroken };
-
   // `remarks`: what was asked for and not to be had, one line each.
   static Result<std::unique_ptr<V4l2Stream>> Start(V4l2Node node, const CameraSettings& settings,
                                                    std::vector<std::string>& remarks);
-  ~V4l2Stream();
+  ~V4l2Stream() override;
   V4l2Stream(const V4l2Stream&) = delete;
   V4l2Stream& operator=(const V4l2Stream&) = delete;
 
-  const V4l2Node& node() const { return node_; }
-  const StreamFormat& format() const { return format_; }
-
-  // A filled buffer, without waiting. kBroken: the stream has to be started anew; fault() says why.
-  Dequeued Dequeue(Buffer& buffer);
-  // Gives a buffer back to the driver. False: broken.
-  bool Return(const Buffer& buffer);
-  const Status& fault() const { return fault_; }
+  std::string text() const override;
+  int Wait(int wake_fd, int timeout_ms) override;
+  Dequeued Dequeue(Buffer& buffer) override;
+  bool Return(const Buffer& buffer) override;
+  const Status& fault() const override { return fault_; }
 
  private:
   struct Mapping {
     void* memory = nullptr;
     std::size_t length = 0;
+    int dmabuf = -1;  // that it is mapped from; -1: from the node
   };
 
   explicit V4l2Stream(V4l2Node node) : node_(std::move(node)) {}
@@ -63,6 +53,8 @@ class V4l2Stream {
   void SetControls(const CameraSettings& settings, std::vector<std::string>& remarks);
   Status MapBuffers();
   Status MapBuffer(std::uint32_t index);
+  Mapping MapExported(std::uint32_t index, std::size_t length);
+  void Synchronize(const Mapping& mapping, std::uint64_t flags) const;
   Status Queue(std::uint32_t index);
 
   V4l2Node node_;

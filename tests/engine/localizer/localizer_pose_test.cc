@@ -2,6 +2,7 @@
 // Localizer with a model that has landmarks.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <functional>
 #include <limits>
 
@@ -56,6 +57,36 @@ TEST_F(LocalizerPoseTest, FindsWhereThePhotographWasTaken) {
   ExpectPose(fix, 0.005, 0.002);
   EXPECT_GT(fix->num_inliers, 80);
   EXPECT_GT(fix->confidence, 0.9F);
+}
+
+TEST_F(LocalizerPoseTest, TheKeyPointsThatAgreeAreToBeSeen) {
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  const auto matched = [](const SeenPoint& point) { return point.matched; };
+  const auto points = localizer.SeenPoints();
+  EXPECT_EQ(static_cast<int>(points.size()), fix->num_features);
+  // Two key points may lie at one place.
+  EXPECT_GE(std::count_if(points.begin(), points.end(), matched), fix->num_inliers);
+  for (const SeenPoint& point : points) {
+    EXPECT_TRUE(point.x > -1 && point.x < static_cast<float>(site_.width));
+    EXPECT_TRUE(point.y > -1 && point.y < static_cast<float>(site_.height));
+    EXPECT_GT(point.radius_px, 0);
+  }
+  // Nothing is left of the frame before, in one of another place, or of none.
+  std::vector<std::uint8_t> mirrored = site_.pixels;
+  for (auto row = mirrored.begin(); row != mirrored.end(); row += site_.width) {
+    std::reverse(row, row + site_.width);
+  }
+  const auto other = localizer.Localize({mirrored.data(), site_.width, site_.height, site_.width});
+  ASSERT_TRUE(other.ok());
+  ASSERT_FALSE(other->has_pose);
+  const auto others = localizer.SeenPoints();
+  EXPECT_GT(others.size(), 100U);
+  EXPECT_EQ(std::count_if(others.begin(), others.end(), matched), 0);
+  const std::vector<std::uint8_t> plain(site_.pixels.size(), 128);
+  ASSERT_TRUE(localizer.Localize({plain.data(), site_.width, site_.height, site_.width}).ok());
+  EXPECT_EQ(localizer.SeenPoints().size(), 0U);
 }
 
 TEST_F(LocalizerPoseTest, ACameraGivenReplacesTheModels) {

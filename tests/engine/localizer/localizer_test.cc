@@ -274,6 +274,9 @@ TEST_F(LocalizerTest, DetailsDecide) {
   EXPECT_GT(fix->margin, 10);
   EXPECT_EQ(fix->rival_evidence, 0);
   EXPECT_EQ(fix->num_rivals, 0);
+  const auto points = localizer.SeenPoints();
+  EXPECT_EQ(std::count_if(points.begin(), points.end(), [](const auto& p) { return p.matched; }),
+            fix->num_inliers);
 }
 
 TEST_F(LocalizerTest, AFrameWithoutKnownDetailsIsRefused) {

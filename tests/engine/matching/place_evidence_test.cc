@@ -15,6 +15,7 @@ using ::testing::Each;
 
 constexpr int kDim = 4;
 constexpr int kLocations = 3;
+constexpr int kMaxFeatures = 64;
 
 std::vector<int> Row(const std::int8_t* row) { return {row, row + kDim}; }
 
@@ -39,7 +40,7 @@ struct Site {
   ModelDetails View() const {
     return {static_cast<int>(location.size()), 2, codebook, list_begin, location, codes};
   }
-  PlaceEvidence Evidence() const { return {words, kDim, View(), kLocations}; }
+  PlaceEvidence Evidence() const { return {words, kDim, View(), kLocations, kMaxFeatures}; }
 
   int WordOf(int detail) const { return detail / 24; }
   bool IsDark(int detail) const { return detail / 12 % 2 == 1; }
@@ -103,6 +104,11 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
     evidence.Weigh(descriptors, keypoints, words, 2);
     EXPECT_THAT(evidence.evidence(),
                 ::testing::ElementsAreArray(site.Expected(descriptors, keypoints)));
+    for (int l = 0; l < kLocations; ++l) {
+      EXPECT_EQ(std::count(evidence.choices().begin(),
+                           evidence.choices().begin() + static_cast<int>(keypoints.size()), l),
+                evidence.votes()[l]);
+    }
   }
   EXPECT_GT(*std::max_element(evidence.evidence().begin(), evidence.evidence().end()), 0);
 }

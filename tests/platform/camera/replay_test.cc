@@ -21,8 +21,8 @@ std::vector<std::uint8_t> Jpeg(int width) {
 }
 
 // Name and width of every frame, or "name!" of one that could not be read.
-std::vector<std::string> Play(const TempFolder& folder) {
-  auto source = OpenReplay(folder.path());
+std::vector<std::string> Play(const std::string& where) {
+  auto source = OpenReplay(where);
   if (!source.ok()) return {source.status().text()};
   std::vector<std::string> played;
   Frame frame;
@@ -47,7 +47,7 @@ TEST(ReplayTest, PlaysAFolderInNameOrder) {
   folder.Write("c.jpg", Jpeg(13));
   folder.Write("notes.txt", "no frame");
   folder.Write("d.jpg/inner.jpg", Jpeg(14));
-  EXPECT_THAT(Play(folder), ElementsAre("a.jpg:10", "b/1.JPG:11", "b/2.jpeg:12", "c.jpg:13",
+  EXPECT_THAT(Play(folder.path()), ElementsAre("a.jpg:10", "b/1.JPG:11", "b/2.jpeg:12", "c.jpg:13",
                                         "d.jpg/inner.jpg:14"));
 }
 
@@ -58,7 +58,20 @@ TEST(ReplayTest, PlaysACsvInRowOrder) {
   folder.Write("x/3.jpg", Jpeg(12));
   folder.Write("images.csv",
                "location,path\r\nhall,\"x/2, or so.jpg\"\r\nhall,x/1.jpg\r\nhall,x/1.jpg\r\n");
-  EXPECT_THAT(Play(folder), ElementsAre("x/2, or so.jpg:11", "x/1.jpg:10", "x/1.jpg:10"));
+  EXPECT_THAT(Play(folder.path()), ElementsAre("x/2, or so.jpg:11", "x/1.jpg:10", "x/1.jpg:10"));
+}
+
+TEST(ReplayTest, PlaysAListOfImages) {
+  const TempFolder folder;
+  folder.Write("x/1.jpg", Jpeg(10));
+  folder.Write("x/2.jpg", Jpeg(11));
+  folder.Write("lists/some.txt", "# the second first\r\n../x/2.jpg\r\n\n../x/1.jpg\nnone.jpg");
+  EXPECT_THAT(Play(folder / "lists/some.txt"),
+              ElementsAre("../x/2.jpg:11", "../x/1.jpg:10", "none.jpg!"));
+  folder.Write("picked.CSV", "path,view\nx/2.jpg,left\n");
+  EXPECT_THAT(Play(folder / "picked.CSV"), ElementsAre("x/2.jpg:11"));
+  folder.Write("empty.txt", "#\n\n");
+  EXPECT_THAT(Play(folder / "empty.txt"), ElementsAre("no JPEG image in"));
 }
 
 TEST(ReplayTest, ABadFileIsOneBadFrame) {
@@ -67,7 +80,7 @@ TEST(ReplayTest, ABadFileIsOneBadFrame) {
   folder.Write("1.jpg", Jpeg(10));
   folder.Write("2.jpg", "no JPEG");
   folder.Write("3.jpg", Jpeg(11));
-  EXPECT_THAT(Play(folder), ElementsAre("1.jpg:10", "none.jpg!", "2.jpg!", "3.jpg:11"));
+  EXPECT_THAT(Play(folder.path()), ElementsAre("1.jpg:10", "none.jpg!", "2.jpg!", "3.jpg:11"));
 }
 
 TEST(ReplayTest, ErrorsNameTheFile) {
@@ -106,8 +119,8 @@ TEST(ReplayTest, StaysAtItsEnd) {
 
 TEST(ReplayTest, RefusesWhatHoldsNoFrames) {
   const TempFolder folder;
-  EXPECT_THAT(Play(folder), ElementsAre("no JPEG image in"));
-  const std::string file = folder.Write("one.txt", "text");
+  EXPECT_THAT(Play(folder.path()), ElementsAre("no JPEG image in"));
+  const std::string file = folder.Write("one.mp4", "text");
   // No video; or nobody here could tell, without ffmpeg.
   EXPECT_THAT(OpenReplay(file).status().code(),
               testing::AnyOf(StatusCode::kCorrupt, StatusCode::kUnsupported));
@@ -159,7 +172,7 @@ TEST(ReplayTest, RefusesABrokenCsv) {
   const TempFolder folder;
   folder.Write("1.jpg", Jpeg(10));
   folder.Write("images.csv", "file,location\n1.jpg,hall\n");
-  EXPECT_THAT(Play(folder), ElementsAre("no column `path`"));
+  EXPECT_THAT(Play(folder.path()), ElementsAre("no column `path`"));
   folder.Write("images.csv", "path,location\n1.jpg\n");
   const Status status = OpenReplay(folder.path()).status();
   EXPECT_EQ(status.code(), StatusCode::kCorrupt);

@@ -198,7 +198,7 @@ TEST_F(ServerTest, ThePictureIsTheLastFrame) {
   settings_.frame_picture = true;
   Start();
   EXPECT_THAT(Get("/frame.jpg"), HasSubstr("503"));
-  server_->Show({64, 48, MakeTexture(64, 48, 1)});
+  server_->Show({64, 48, MakeTexture(64, 48, 1)}, {});
   const std::string reply = Get("/frame.jpg");
   const std::size_t body = reply.find("\r\n\r\n") + 4;
   const std::vector<std::uint8_t> jpeg(reply.begin() + static_cast<std::ptrdiff_t>(body),
@@ -295,6 +295,18 @@ TEST_F(ServerTest, ReadersThatDoNotReadAreDropped) {
   WaitForClients(1);
   (void)server_->Publish("well\n");
   EXPECT_THAT(reader.ReadUntil("well\n"), HasSubstr("well\n"));
+}
+
+// What libevent leaves of each such reader is freed: the build with sanitizers looks at it.
+TEST_F(ServerTest, ReadersThatHangUpAreForgotten) {
+  Start();
+  for (int i = 0; i < 3; ++i) {
+    { const Connection reader = Listener(); }
+    WaitForClients(0);
+  }
+  (void)server_->Publish("well\n");
+  EXPECT_THAT(Get("/health"), HasSubstr("200 OK"));
+  EXPECT_EQ(server_->counts().dropped_clients, 0U);
 }
 
 TEST_F(ServerTest, MoreReadersThanThereIsRoomForAreTurnedAway) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <linux/dma-buf.h>
 #include <linux/videodev2.h>
 #include <poll.h>
 
@@ -11,6 +12,7 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "platform/camera/v4l2/v4l2_system.h"
@@ -32,6 +34,8 @@ struct FakeCamera {
   std::string bus = "usb-1";
   bool plugged = true;
   bool multi_planar = false;
+  bool exports = false;  // its buffers, as DMABUFs
+  int being_read = 0;    // of those, between the calls that say so
   std::vector<std::uint32_t> formats = {V4L2_PIX_FMT_YUYV};
   std::uint32_t width = 64, height = 48;  // the only size
   std::size_t row_bytes = 0;              // 0: without padding
@@ -71,7 +75,7 @@ class FakeV4l2 : public V4l2System {
   int polls = 0;
   int mapped = 0;
 
-  std::size_t open_files() const { return files_.size(); }
+  std::size_t open_files() const { return files_.size() + exported_.size(); }
 
   int Open(const char* path) override {
     for (std::size_t i = 0; i < cameras.size(); ++i) {
@@ -83,6 +87,7 @@ class FakeV4l2 : public V4l2System {
     return -1;
   }
   int Close(int fd) override {
+    if (exported_.erase(fd) != 0) return 0;
     const auto file = files_.find(fd);
     if (file == files_.end()) return -1;
     Stop(cameras[file->second]);
@@ -102,8 +107,11 @@ class FakeV4l2 : public V4l2System {
   }
 
   void* Map(int fd, std::size_t length, std::size_t offset) override {
-    FakeCamera& camera = cameras[files_.at(fd)];
-    std::vector<std::uint8_t>& buffer = camera.memory.at(offset >> 20);
+    const auto exported = exported_.find(fd);
+    const bool is_exported = exported != exported_.end();
+    FakeCamera& camera = cameras[is_exported ? exported->second.first : files_.at(fd)];
+    std::vector<std::uint8_t>& buffer =
+        camera.memory.at(is_exported ? exported->second.second : offset >> 20);
     if (buffer.size() != length) return nullptr;
     ++mapped;
     return buffer.data();
@@ -132,6 +140,11 @@ class FakeV4l2 : public V4l2System {
   }
 
   int Ioctl(int fd, unsigned long request, void* argument) override {
+    if (request == DMA_BUF_IOCTL_SYNC) {
+      const bool ends = (static_cast<dma_buf_sync*>(argument)->flags & DMA_BUF_SYNC_END) != 0;
+      cameras[exported_.at(fd).first].being_read += ends ? -1 : 1;
+      return 0;
+    }
     FakeCamera& camera = cameras[files_.at(fd)];
     if (!camera.plugged) return Refuse(ENODEV);
     std::deque<int>& errors = camera.errors[request];
@@ -139,6 +152,13 @@ class FakeV4l2 : public V4l2System {
       const int error = errors.front();
       errors.pop_front();
       if (error != 0) return Refuse(error);
+    }
+    if (request == VIDIOC_EXPBUF) {
+      if (!camera.exports) return Refuse(ENOTTY);
+      auto& exported = *static_cast<v4l2_exportbuffer*>(argument);
+      exported.fd = ++last_file_;
+      exported_[exported.fd] = {files_.at(fd), exported.index};
+      return 0;
     }
     return Serve(camera, request, argument);
   }
@@ -344,7 +364,8 @@ class FakeV4l2 : public V4l2System {
     return 0;
   }
 
-  std::map<int, std::size_t> files_;  // descriptor to camera
+  std::map<int, std::size_t> files_;                             // descriptor to camera
+  std::map<int, std::pair<std::size_t, std::size_t>> exported_;  // to camera and buffer
   int last_file_ = 100;
 };
 
