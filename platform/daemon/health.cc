@@ -95,7 +95,7 @@ std::string Health::model_fault() const {
 
 void Health::CountFix(const Fix& fix) {
   const std::lock_guard lock(mutex_);
-  fix_ns_[frames_ % fix_ns_.size()] = Now();
+  fix_ns_[static_cast<std::size_t>(frames_ % fix_ns_.size())] = Now();
   ++frames_;
   if (fix.localized) ++localized_;
   last_ms_ = fix.ms;
