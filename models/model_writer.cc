@@ -130,6 +130,84 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
 }
 
 template <typename T>
+std::vector<T> Owned(std::span<const T> values) {
+  return {values.begin(), values.end()};
+}
+
+template <std::size_t N, typename T>
+std::vector<std::array<T, N>> Rows(std::span<const T> flat) {
+  std::vector<std::array<T, N>> rows(flat.size() / N);
+  for (std::size_t i = 0; i < rows.size(); ++i) std::copy_n(&flat[i * N], N, rows[i].begin());
+  return rows;
+}
+
+void UnpackScoring(const ModelView& m, ModelData& d) {
+  const ModelScoring& s = m.scoring();
+  d.histogram_map = s.histogram_map;
+  d.location_rule = s.location_rule;
+  for (int i = 0; i < s.num_locations; ++i) d.locations.emplace_back(m.location_name(i));
+  for (int i = 0; i < s.num_views; ++i) d.views.emplace_back(m.view_name(i));
+  d.pair_location = Owned(s.pair_location);
+  d.pair_view = Owned(s.pair_view);
+  d.bias = Owned(s.bias);
+  d.weight_scale = Owned(s.weight_scale);
+  d.weights = Owned(s.weights);
+  d.keyframe_weight = s.keyframe_weight;
+}
+
+void UnpackKeyframes(const ModelView& m, ModelData& d) {
+  const ModelKeyframes& k = m.keyframes();
+  d.keyframe_pair = Owned(k.pair);
+  d.keyframe_word_begin = Owned(k.word_begin);
+  d.keyframe_words = Owned(k.words);
+  d.keyframe_counts = Owned(k.counts);
+  d.keyframe_has_pose = Owned(k.has_pose);
+  d.keyframe_pose = Rows<7>(k.pose);
+  d.keyframe_landmark_begin = Owned(k.landmark_begin);
+  d.keyframe_landmarks = Owned(k.landmarks);
+  const bool has_names = k.size > 0 && !m.keyframe_name(0).empty();
+  for (int i = 0; has_names && i < k.size; ++i) d.keyframe_names.emplace_back(m.keyframe_name(i));
+}
+
+void UnpackMaps(const ModelView& m, ModelData& d) {
+  d.metric = m.metric();
+  if (!m.has_landmarks()) return;
+  const ModelCamera& c = m.camera();
+  d.camera = {c.model, c.width, c.height, {}, {}};
+  std::copy(c.intrinsics.begin(), c.intrinsics.end(), d.camera.intrinsics.begin());
+  std::copy(c.distortion.begin(), c.distortion.end(), d.camera.distortion.begin());
+  const ModelLandmarks& l = m.landmarks();
+  d.map_begin = Owned(l.map_begin);
+  d.map_origin = Rows<3>(l.map_origin);
+  d.map_step = Owned(l.map_step);
+  d.map_metric = Owned(l.map_metric);
+  d.landmark_position = Rows<3>(l.position);
+  d.landmark_descriptors = Owned(l.descriptors);
+  d.landmark_laplacian_sign = Owned(l.laplacian_sign);
+  d.landmark_rarity = Owned(l.rarity);
+  d.pixel_sigma = l.pixel_sigma;
+}
+
+void UnpackExtras(const ModelView& m, ModelData& d) {
+  if (m.has_floor_plan()) {
+    const ModelFloorPlan& f = m.floor_plan();
+    d.floor_plan = {Owned(f.picture), f.width, f.height, {}};
+    std::copy(f.site_from_pixel.begin(), f.site_from_pixel.end(),
+              d.floor_plan.site_from_pixel.begin());
+  }
+  if (m.has_details()) {
+    const ModelDetails& t = m.details();
+    d.details = {t.parts, Owned(t.codebook), Owned(t.list_begin), Owned(t.location),
+                 Owned(t.codes)};
+  }
+  const ModelGolden& g = m.golden();
+  if (g.size == 0) return;
+  d.golden = {Owned(g.width),     Owned(g.height),         Owned(g.begin),
+              Owned(g.keypoints), Owned(g.laplacian_sign), Owned(g.descriptors),
+              Owned(g.pair),      Owned(g.has_pose),       Rows<7>(g.pose)};
+}
+
+template <typename T>
 void PutLittleEndian(std::uint8_t* to, T value) {
   std::memcpy(to, &value, sizeof value);
 }
@@ -150,6 +228,21 @@ Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data) {
   std::copy(hash.begin(), hash.end(), file.begin() + kModelHashOffset);
   if (Result<ModelView> view = ModelView::Open(file); !view.ok()) return view.status();
   return file;
+}
+
+ModelData UnpackModel(const ModelView& model) {
+  ModelData data;
+  data.features = model.features();
+  data.words = Owned(model.vocabulary().words);
+  data.words_per_feature = model.vocabulary().words_per_feature;
+  data.confidence = model.confidence();
+  data.pose_confidence = model.pose_confidence();
+  UnpackScoring(model, data);
+  UnpackKeyframes(model, data);
+  UnpackMaps(model, data);
+  UnpackExtras(model, data);
+  data.record = model.record();
+  return data;
 }
 
 }  // namespace viewfix

@@ -91,4 +91,7 @@ struct ModelData {
 // read back by ModelView; its refusal is returned if the data break the contract.
 Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data);
 
+// What a model was written from: WriteModel() of it gives the same bytes again.
+ModelData UnpackModel(const ModelView& model);
+
 }  // namespace viewfix

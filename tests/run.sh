@@ -95,6 +95,7 @@ check_other_targets() {
   check "Static viewfixd for armhf" "$ROOT/toolchains/build.sh" armhf --no-install
   check "The same fixes on ARM as here" "$ROOT/tests/toolchains/same_fixes.sh"
   check "viewfixd on a virtual board" "$ROOT/tests/board/run.sh"
+  check "Flashes onto a virtual board" "$ROOT/tests/board/flash.sh" --cuts 3
   check "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"
 }
 

@@ -13,7 +13,7 @@
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
 
-readonly MAX_BYTES=$((4 * 1024 * 1024))
+readonly MAX_BYTES=4000000
 
 # Debian's name of it.
 debian_arch_of() {

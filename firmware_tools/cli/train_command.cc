@@ -25,6 +25,7 @@ struct TrainFlags {
   std::string views = "auto";
   std::string map = "auto";
   std::string work;
+  std::string base;
   std::string control;
   std::string tags;
   std::string floorplan;
@@ -75,6 +76,10 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
+  if (!flags.base.empty()) {
+    const auto file = ReadModelFile(flags.base);
+    TakeFrozenOptions(std::make_shared<BaseModel>(ReadBaseModel(file, flags.base)), options);
+  }
   return options;
 }
 
@@ -111,12 +116,33 @@ void PrintWarnings(const ImageSet& set, const Preparation& prepared, int jobs) {
   }
 }
 
+std::string Listed(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text.empty() ? "none" : text;
+}
+
+void PrintBase(const TrainFlags& flags, const BaseReport& report) {
+  if (flags.base.empty()) return;
+  std::printf("kept from %s: %zu locations; trained anew: %s; gone: %s\n", flags.base.c_str(),
+              report.kept.size(), Listed(report.trained).c_str(), Listed(report.removed).c_str());
+  if (report.kept.empty()) {
+    std::fprintf(stderr, "warning: no location is the base's: nothing of it could be kept\n");
+  }
+  if (report.frame_grew) {
+    std::fprintf(stderr,
+                 "warning: the map reaches beyond the base's: the positions of all landmarks are "
+                 "rounded anew\n");
+  }
+}
+
 void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_t bytes) {
   std::printf("%s: %zu locations, %zu views of them, %zu keyframes, %zu words, %.2f MB\n",
               flags.out.c_str(), result.model.locations.size(), result.model.pair_location.size(),
               result.model.keyframe_pair.size(),
               result.model.words.size() / result.model.features.descriptor_dim,
               static_cast<double>(bytes) / 1e6);
+  PrintBase(flags, result.base);
   const HeldOut& chosen = result.chosen;
   std::printf("held-out blocks: location right %.1f %%, view right %.1f %%  (C %g, beta %g)\n",
               100 * chosen.location_accuracy, 100 * chosen.view_accuracy, chosen.options.c,
@@ -158,6 +184,10 @@ void AddTrain(CLI::App& app) {
       "train", "make a model from an image set\nExample: viewfix train museum --out museum.vfx");
   command->add_option("set", flags->set, "folder of an image set, or its CSV")->required();
   command->add_option("--out", flags->out, "the model file to write")->required();
+  CLI::Option* base = command->add_option(
+      "--base", flags->base,
+      "an older model of the set: what it says of unchanged locations is kept to the bit, its\n"
+      "features, vocabulary and map's frame are taken; what flash --base then sends is small");
   command->add_option("--words", flags->options.num_words, "visual words")
       ->check(CLI::Range(2, 65535))
       ->capture_default_str();
@@ -210,9 +240,10 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   AddFeatureFlags(*command, flags->options.features);
-  command->add_option("--map-features", flags->options.map_features,
-                      "features an image for a map from photographs alone (--map colmap), "
-                      "where more than --max-features")
+  command
+      ->add_option("--map-features", flags->options.map_features,
+                   "features an image for a map from photographs alone (--map colmap), "
+                   "where more than --max-features")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command->add_option("--seed", flags->options.seed, "seed of the vocabulary")
@@ -220,6 +251,10 @@ void AddTrain(CLI::App& app) {
   command->add_option("--jobs", flags->options.jobs, "threads; 0: all cores")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
+  for (const char* frozen : {"--words", "--histogram", "--cost", "--beta", "--negatives",
+                             "--features", "--max-features", "--max-side", "--upright"}) {
+    base->excludes(command->get_option(frozen));
+  }
   command->callback([flags] { RunTrain(*flags); });
 }
 

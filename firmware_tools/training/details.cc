@@ -79,6 +79,8 @@ class DetailTrainer {
 
   // False: too few features to make one of.
   bool MakeCodebook() {
+    codebook_.assign(source_.codebook.begin(), source_.codebook.end());
+    if (!codebook_.empty()) return true;
     std::size_t total = 0;
     for (int s = 0; s < NumSamples(); ++s) total += Image(s).keypoints.size();
     const std::size_t step = std::max<std::size_t>(1, total / kCodebookSamples);

@@ -38,8 +38,9 @@ struct DetailSource {
   std::span<const int> image_idxs;
   std::span<const int> locations;  // of each sample
   int num_locations = 0;
-  std::span<const std::int8_t> words;  // [words, dim] of the vocabulary
-  int words_per_feature = 1;           // of frames
+  std::span<const std::int8_t> words;          // [words, dim] of the vocabulary
+  int words_per_feature = 1;                   // of frames
+  std::span<const std::int8_t> codebook = {};  // to code them by; empty: made of them
 };
 
 struct TrainedDetails {

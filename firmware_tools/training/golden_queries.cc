@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <numeric>
+#include <type_traits>
 #include <vector>
 
 #include "platform/store/golden.h"
@@ -82,22 +83,51 @@ std::vector<int> Candidates(const FeatureStore& features) {
   return spread;
 }
 
+// Wholly, as a board will be asked to.
+bool Answers(const Fix& fix, const ModelView& model) {
+  return fix.localized && fix.level == 0 && fix.has_pose == model.has_landmarks();
+}
+
+bool SamePlace(const ModelData& a, int pair_a, const ModelData& b, int pair_b) {
+  return a.locations[a.pair_location[pair_a]] == b.locations[b.pair_location[pair_b]] &&
+         a.views[a.pair_view[pair_a]] == b.views[b.pair_view[pair_b]];
+}
+
+Query QueryAt(const ModelData& model, std::size_t i) {
+  const ModelData::GoldenData& golden = model.golden;
+  const auto part = [&](const auto& all, std::size_t width) {
+    const auto begin = all.begin() + static_cast<std::ptrdiff_t>(golden.begin[i] * width);
+    const auto end = all.begin() + static_cast<std::ptrdiff_t>(golden.begin[i + 1] * width);
+    return std::decay_t<decltype(all)>(begin, end);
+  };
+  return {golden.width[i], golden.height[i], part(golden.keypoints, 5),
+          part(golden.laplacian_sign, 1), part(golden.descriptors, model.features.descriptor_dim)};
+}
+
+GoldenFeatures Borrowed(const Query& query) {
+  return {query.width, query.height, query.keypoints, query.laplacian_sign, query.descriptors};
+}
+
 }  // namespace
 
-void AddGoldenQueries(const FeatureStore& features, ModelData& model) {
+void AddGoldenQueries(const FeatureStore& features, const ModelData* base, ModelData& model) {
   const auto bytes = WriteModel(model);
   if (!bytes.ok()) return;  // whoever writes the model says so
   const Result<ModelView> view = ModelView::Open(*bytes);
   Result<GoldenLocalizer> localizer = GoldenLocalizer::Create(*view);
   if (!localizer.ok()) return;
+  for (std::size_t i = 0; base != nullptr && i < base->golden.pair.size(); ++i) {
+    const Query query = QueryAt(*base, i);
+    const Result<Fix> fix = localizer->Localize(Borrowed(query));
+    if (!fix.ok() || !Answers(*fix, *view)) continue;
+    if (SamePlace(model, fix->pair_idx, *base, base->golden.pair[i]))
+      Add(query, *fix, model.golden);
+  }
   for (const int i : Candidates(features)) {
-    if (static_cast<int>(model.golden.pair.size()) == kQueries) return;
+    if (static_cast<int>(model.golden.pair.size()) >= kQueries) return;
     const Query query = StrongestOf(features.images[i], features.dim);
-    const Result<Fix> fix = localizer->Localize(
-        {query.width, query.height, query.keypoints, query.laplacian_sign, query.descriptors});
-    if (!fix.ok() || !fix->localized || fix->level != 0) continue;
-    if (fix->has_pose != view->has_landmarks()) continue;
-    Add(query, *fix, model.golden);
+    const Result<Fix> fix = localizer->Localize(Borrowed(query));
+    if (fix.ok() && Answers(*fix, *view)) Add(query, *fix, model.golden);
   }
 }
 

@@ -80,6 +80,22 @@ std::vector<std::int8_t> AllDescriptors(const FeatureStore& features) {
   return all;
 }
 
+std::vector<std::int8_t> WordsOf(const FeatureStore& features, const TrainOptions& options,
+                                 const StageProgress& stages) {
+  if (options.base) {
+    const ModelFeatures& frozen = options.base->data.features;
+    if (frozen.version == features.version && frozen.descriptor_dim == features.dim) {
+      return options.base->data.words;
+    }
+    throw ToolError("the base model's features are another version's: train without --base");
+  }
+  const KMeansOptions clustering = {
+      .num_words = options.num_words, .seed = options.seed, .jobs = options.jobs};
+  return ClusterDescriptors(AllDescriptors(features), features.dim, clustering,
+                            Begin(stages, "vocabulary"))
+      .words;
+}
+
 void CheckEnough(const ImageSet& set, const Labels& labels) {
   if (labels.locations.size() < 2) {
     throw ToolError(set.source.string() + ": only one location ('" + labels.locations[0] +
@@ -263,9 +279,14 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
                           const StageProgress& stages, ModelData& model) {
   if (!model.landmark_position.empty() || options.details.max_bytes == 0) return {};
   const Labels& labels = prepared.labels;
-  const DetailSource source = {prepared.features, labels.image_idxs,
-                               labels.location,   static_cast<int>(labels.locations.size()),
-                               prepared.words,    WordsPerFeature(options)};
+  DetailSource source = {prepared.features,
+                         labels.image_idxs,
+                         labels.location,
+                         static_cast<int>(labels.locations.size()),
+                         prepared.words,
+                         WordsPerFeature(options),
+                         {}};
+  if (options.base) source.codebook = options.base->data.details.codebook;
   TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
   if (details.table.location.empty() || details.held_out.empty()) return {};
   model.details = details.table;
@@ -304,6 +325,10 @@ std::vector<PoseOutcome> AddPoseConfidence(const ImageSet& set, const Preparatio
                                            const ModelData& without_map,
                                            const StageProgress& stages, ModelData& model) {
   if (model.landmark_position.empty()) return {};
+  if (options.base && options.base->data.pose_confidence) {
+    model.pose_confidence = options.base->data.pose_confidence;  // one place does not change it
+    return {};
+  }
   const Labels& labels = prepared.labels;
   const PoseConfidenceSource source = {set,
                                        labels.image_idxs,
@@ -325,6 +350,20 @@ Json PosesAsJson(const std::vector<PoseOutcome>& outcomes) {
   const auto right =
       std::count_if(outcomes.begin(), outcomes.end(), [](const PoseOutcome& o) { return o.right; });
   return {{"held_out", outcomes.size()}, {"right", right}};
+}
+
+Json BaseAsJson(const BaseModel& base, const BaseReport& report) {
+  return {{"model", base.id},
+          {"kept", report.kept.size()},
+          {"trained", report.trained},
+          {"removed", report.removed}};
+}
+
+// The base's sections wherever nothing changed, and its plan unless another one is given.
+BaseReport TakeBase(const TrainOptions& options, ModelData& model) {
+  if (!options.base) return {};
+  model.floor_plan = options.base->data.floor_plan;
+  return KeepUnchanged(*options.base, options.map.source == MapSource::kPoses, model);
 }
 
 template <typename T>
@@ -371,6 +410,31 @@ void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vec
 
 }  // namespace
 
+void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& options) {
+  const ModelData& frozen = base->data;
+  options.features.type = static_cast<FeatureType>(frozen.features.type);
+  options.features.max_image_side = frozen.features.max_image_side;
+  options.features.max_features = frozen.features.max_features;
+  options.features.upright = frozen.features.upright;
+  options.features.threshold = frozen.features.threshold;
+  options.num_words =
+      static_cast<int>(frozen.words.size()) / std::max(1, frozen.features.descriptor_dim);
+  options.words_per_feature = frozen.words_per_feature;
+  options.histogram_map = frozen.histogram_map;
+  if (!frozen.details.location.empty()) options.details.parts = frozen.details.parts;
+  const Json record = Json::parse(frozen.record, nullptr, false);
+  const Json chosen = record.is_object() ? record.value("chosen", Json::object()) : Json::object();
+  if (chosen.is_object()) {
+    if (const auto c = chosen.find("c"); c != chosen.end() && c->is_number()) options.c = *c;
+    if (const auto b = chosen.find("beta"); b != chosen.end() && b->is_number()) options.beta = *b;
+    const auto negatives = chosen.find("other_views_negative");
+    if (negatives != chosen.end() && negatives->is_boolean()) {
+      options.other_views_negative = negatives->get<bool>();
+    }
+  }
+  options.base = std::move(base);
+}
+
 FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& options,
                                      const StageProgress& stages) {
   return ExtractFeatures(set, TrainingImages(set), options.features, options.jobs,
@@ -382,11 +446,7 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const Tr
   Preparation prepared;
   prepared.features = std::move(features);
   const int dim = prepared.features.dim;
-  const KMeansOptions clustering = {
-      .num_words = options.num_words, .seed = options.seed, .jobs = options.jobs};
-  prepared.words = ClusterDescriptors(AllDescriptors(prepared.features), dim, clustering,
-                                      Begin(stages, "vocabulary"))
-                       .words;
+  prepared.words = WordsOf(prepared.features, options, stages);
   const bool map_first = options.map.source == MapSource::kColmap;
   std::vector<int> samples;
   for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
@@ -491,6 +551,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
       AddPoseConfidence(set, prepared, options, without_map, stages, model);
   const TrainedDetails details = AddDetails(prepared, options, stages, model);
   result.details_held_out = details.held_out;
+  result.base = TakeBase(options, model);
   if (options.floor_plan) {
     const FloorPlan& plan = *options.floor_plan;
     model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};
@@ -498,8 +559,9 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   Json record = Record(set, options, prepared, tried);
   if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
   if (!poses.empty()) record["held_out_poses"] = PosesAsJson(poses);
+  if (options.base) record["base"] = BaseAsJson(*options.base, result.base);
   model.record = record.dump();
-  AddGoldenQueries(prepared.features, model);
+  AddGoldenQueries(prepared.features, options.base ? &options.base->data : nullptr, model);
   return result;
 }
 

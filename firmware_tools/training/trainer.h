@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "firmware_tools/mapping/floor_plan.h"
 #include "firmware_tools/mapping/model_map.h"
 #include "firmware_tools/mapping/site_map.h"
+#include "firmware_tools/training/base_model.h"
 #include "firmware_tools/training/details.h"
 #include "firmware_tools/training/feature_store.h"
 #include "firmware_tools/training/labels.h"
@@ -40,9 +42,14 @@ struct TrainOptions {
   PoseConfidenceOptions pose_confidence;
   DetailOptions details;                // where there are no landmarks
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
+  // What is to stay as it is (TakeFrozenOptions()); null: nothing.
+  std::shared_ptr<const BaseModel> base;
   std::uint64_t seed = 1;
   int jobs = 0;  // 0: all cores
 };
+
+// Sets `base`, and what it decides: features, vocabulary, histograms, and the SVM's parameters.
+void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& options);
 
 // Begins a named stage of long work and returns where to report its progress.
 using StageProgress = std::function<Progress(const std::string& stage)>;
@@ -84,6 +91,7 @@ struct TrainResult {
   ModelData model;
   HeldOut chosen;  // the parameters taken, and how held-out blocks fared with them
   std::vector<Outcome> details_held_out;  // of TrainedDetails; empty: no details
+  BaseReport base;                        // where there is one
 };
 
 // The model of a prepared set. The same inputs give the same model, whatever `jobs` is.

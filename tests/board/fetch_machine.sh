@@ -5,13 +5,17 @@
 #
 #   tests/board/fetch_machine.sh DIR
 #
-# Leaves DIR/vmlinuz, DIR/busybox and DIR/modules/NN-NAME.ko in loading order. Installs
-# nothing, needs no root. Does nothing where DIR is complete already.
+# For flashes: an ssh server (dropbear, with its libraries), and a disk's and a network's
+# drivers.
+#
+# Leaves DIR/vmlinuz, DIR/busybox, DIR/sshd (a root folder) and, in loading order,
+# DIR/modules/NN-NAME.ko and DIR/disk-modules/NN-NAME.ko. Installs nothing, needs no root.
+# Does nothing where DIR is complete already.
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
 source "$ROOT/toolchains/debian_sources.sh"
 
-# Of vivid, in loading order; those that the kernel has built in are passed over.
+# In loading order; those that the kernel has built in are passed over.
 readonly VIVID=(mc videodev videobuf2-common videobuf2-v4l2 videobuf2-memops videobuf2-vmalloc
   videobuf2-dma-contig v4l2-dv-timings v4l2-tpg rc-core cec vivid)
 # Of a disk that outlives the machine.
@@ -20,6 +24,11 @@ readonly DISK=(virtio virtio_ring virtio_mmio virtio_blk crc16 crc32c_generic li
 # Of what this very script fetches: another version of it fetches anew.
 MARK=complete-$(sha256sum "${BASH_SOURCE[0]}" | head -c 12)
 readonly MARK
+
+readonly DISK_AND_NET=(virtio virtio_ring virtio_mmio virtio_pci_modern_dev virtio_pci_legacy_dev
+  virtio_pci virtio_blk crc16 mbcache jbd2 crc32c_generic libcrc32c ext4 failover net_failover
+  virtio_net)
+readonly SSHD_PACKAGES=(dropbear-bin libc6 libcrypt1 libtomcrypt1 libtommath1 libgmp10 zlib1g)
 
 # An apt of its own for arm64 and the packages of every architecture.
 set_up_apt() {
@@ -58,19 +67,31 @@ kernel_package() {
     sed -nE 's/^Depends: (linux-image-[^ ,]+).*/\1/p' | head -n 1
 }
 
+copy_sshd() {
+  local root=$1 dir=$2 file
+  mkdir -p "$dir/sshd/lib" "$dir/sshd/bin"
+  cp "$root/usr/sbin/dropbear" "$dir/sshd/bin/"
+  for file in "$root"/{,usr/}lib/aarch64-linux-gnu/lib{c,crypt,tomcrypt,tommath,gmp,z,util,resolv}.so.*; do
+    [[ ! -e $file ]] || cp -L "$file" "$dir/sshd/lib/"
+  done
+  cp -L "$root/lib/aarch64-linux-gnu/ld-linux-aarch64.so.1" "$dir/sshd/lib/"
+}
+
+# copy_modules ROOT VERSION OUT NAME...
 copy_modules() {
-  local root=$1 dir=$2 version=$3 number=10 name file
-  mkdir -p "$dir/modules"
-  for name in "${VIVID[@]}" "${DISK[@]}"; do
+  local root=$1 version=$2 out=$3 number=10 name file
+  shift 3
+  mkdir -p "$out"
+  for name in "$@"; do
     file=$(find "$root/lib/modules/$version" -name "$name.ko*" | head -n 1)
     [[ -n $file ]] || continue
     case $file in
-      *.xz) xz -dc "$file" > "$dir/modules/$number-$name.ko" ;;
-      *) cp "$file" "$dir/modules/$number-$name.ko" ;;
+      *.xz) xz -dc "$file" > "$out/$number-$name.ko" ;;
+      *) cp "$file" "$out/$number-$name.ko" ;;
     esac
     number=$((number + 1))
   done
-  [[ -s $(echo "$dir"/modules/*-vivid.ko) ]] || die "the kernel has no vivid"
+  [[ -s $(echo "$out"/*-"$name".ko) ]] || die "the kernel has no $name"
 }
 
 # v4l2loopback's source against the kernel's headers. The headers' own tools are
@@ -108,11 +129,14 @@ main() {
   [[ -n $kernel ]] || die "Debian has no linux-image-arm64"
   version=${kernel#linux-image-}
   echo "Fetching $kernel."
-  fetch "$work" "$kernel:arm64" busybox-static:arm64 "linux-headers-$version:arm64" \
+  fetch "$work" "$kernel:arm64" busybox-static:arm64 "${SSHD_PACKAGES[@]/%/:arm64}" \
+    "linux-headers-$version:arm64" \
     "linux-headers-${version%-arm64}-common:all" v4l2loopback-dkms:all linux-kbuild-6.1:amd64
   rm -rf "$dir"
   mkdir -p "$dir"
-  copy_modules "$work/root" "$dir" "$version"
+  copy_modules "$work/root" "$version" "$dir/modules" "${DISK[@]}" "${VIVID[@]}"
+  copy_modules "$work/root" "$version" "$dir/disk-modules" "${DISK_AND_NET[@]}"
+  copy_sshd "$work/root" "$dir"
   build_loopback "$work" "$dir" "$version"
   cp "$work/root/boot/vmlinuz-$version" "$dir/vmlinuz"
   cp "$work/root/bin/busybox" "$dir/busybox"

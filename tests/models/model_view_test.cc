@@ -190,6 +190,11 @@ INSTANTIATE_TEST_SUITE_P(ModelView, WholeModel,
                                                                    : "without";
                          });
 
+TEST_P(WholeModel, IsUnpackedWhole) {
+  const Bytes file = File();
+  EXPECT_EQ(*WriteModel(UnpackModel(*ModelView::Open(file))), file);
+}
+
 TEST_P(WholeModel, RefusesEveryTruncation) {
   const Bytes file = File();
   for (std::size_t size = 0; size < file.size(); ++size) {

@@ -121,6 +121,26 @@ TEST_F(CliTest, TheSameInputsGiveTheSameBytes) {
   EXPECT_EQ(*ReadFile(Model()), *ReadFile(folder_ / "again.vfx"));
 }
 
+TEST_F(CliTest, ABaseKeepsWhatDidNotChange) {
+  const std::string site = SiteWithPoses();
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  std::filesystem::copy_file(site + "/bar-left-6.jpg", site + "/bar-left-1.jpg",
+                             std::filesystem::copy_options::overwrite_existing);
+  const std::string next = folder_ / "next.vfx";
+  const ProgramRun train = Viewfix({"train", site, "--base", Model(), "--out", next});
+  ASSERT_EQ(train.exit_code, 0) << train.err;
+  EXPECT_THAT(train.out, HasSubstr("2 locations; trained anew: bar; gone: none"));
+  EXPECT_EQ(Viewfix({"eval", site, "--model", next, "--split", "all"}).exit_code, 0);
+  const auto record = nlohmann::json::parse(Viewfix({"inspect", next, "--json"}).out)["training"];
+  EXPECT_EQ(record["base"]["kept"], 2);
+  EXPECT_EQ(record["base"]["trained"], nlohmann::json({"bar"}));
+  EXPECT_EQ(record["words"], 20);
+  const ProgramRun both =
+      Viewfix({"train", site, "--base", Model(), "--words", "30", "--out", next});
+  EXPECT_EQ(both.exit_code, 2) << "a frozen vocabulary has its size";
+  EXPECT_THAT(both.err, HasSubstr("--words"));
+}
+
 TEST_F(CliTest, EvalOfAnUnknownPlace) {
   const std::string site = Site();
   ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
