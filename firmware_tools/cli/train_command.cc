@@ -33,6 +33,7 @@ struct TrainFlags {
   std::string negatives = "auto";
   double c = 0;
   double beta = 0;
+  bool max_features_given = false;
   double details_mb = static_cast<double>(DetailOptions().max_bytes) / 1e6;
   TrainOptions options;
 };
@@ -129,11 +130,25 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
       100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()));
 }
 
+bool HasMap(const ImageSet& set, MapSource source) {
+  return source == MapSource::kColmap ||
+         (source == MapSource::kPoses &&
+          std::any_of(set.images.begin(), set.images.end(), [](const ImageRecord& image) {
+            return image.pose && image.camera_idx >= 0 && !image.is_test;
+          }));
+}
+
+// Where no landmarks will tell places apart, details do, of as many features as there is time for.
+// IE Tower's training split, four of five folds, area right: 87.0 % with 800, 89.5 % with 1600.
+constexpr int kFeaturesWithoutMap = 1600;
+
 void RunTrain(const TrainFlags& flags) {
-  const TrainOptions options = OptionsOf(flags);
+  TrainOptions options = OptionsOf(flags);
   CheckCanWrite(flags.out);
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   CheckPosesAskedFor(flags, set);
+  const bool details = options.details.max_bytes > 0 && !HasMap(set, options.map.source);
+  if (details && !flags.max_features_given) options.features.max_features = kFeaturesWithoutMap;
   const Preparation prepared = Prepare(set, options, ShowProgress);
   PrintWarnings(set, prepared, options.jobs);
   const TrainResult result = Train(set, prepared, options, ShowProgress);
@@ -210,9 +225,10 @@ void AddTrain(CLI::App& app) {
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   AddFeatureFlags(*command, flags->options.features);
-  command->add_option("--map-features", flags->options.map_features,
-                      "features an image for a map from photographs alone (--map colmap), "
-                      "where more than --max-features")
+  command
+      ->add_option("--map-features", flags->options.map_features,
+                   "features an image for a map from photographs alone (--map colmap), "
+                   "where more than --max-features")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command->add_option("--seed", flags->options.seed, "seed of the vocabulary")
@@ -220,7 +236,10 @@ void AddTrain(CLI::App& app) {
   command->add_option("--jobs", flags->options.jobs, "threads; 0: all cores")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str();
-  command->callback([flags] { RunTrain(*flags); });
+  command->callback([flags, command] {
+    flags->max_features_given = command->count("--max-features") > 0;
+    RunTrain(*flags);
+  });
 }
 
 }  // namespace viewfix

@@ -253,7 +253,8 @@ ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
 Json DetailsAsJson(const TrainedDetails& details) {
   const auto right = std::count_if(details.held_out.begin(), details.held_out.end(),
                                    [](const Outcome& o) { return o.right; });
-  return {{"details", details.table.location.size()},
+  return {{"details", details.table.codes.size() / details.table.parts},
+          {"likeness_weight", details.table.likeness_weight},
           {"held_out", details.held_out.size()},
           {"right", right}};
 }
@@ -263,11 +264,12 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
                           const StageProgress& stages, ModelData& model) {
   if (!model.landmark_position.empty() || options.details.max_bytes == 0) return {};
   const Labels& labels = prepared.labels;
-  const DetailSource source = {prepared.features, labels.image_idxs,
-                               labels.location,   static_cast<int>(labels.locations.size()),
-                               prepared.words,    WordsPerFeature(options)};
+  const DetailSource source = {prepared.features,    labels.image_idxs,
+                               labels.location,      static_cast<int>(labels.locations.size()),
+                               prepared.words,       WordsPerFeature(options),
+                               prepared.similarities};
   TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
-  if (details.table.location.empty() || details.held_out.empty()) return {};
+  if (details.table.codes.empty() || details.held_out.empty()) return {};
   model.details = details.table;
   model.confidence = FitConfidence(details.held_out);
   LimitWrongAnswers(details.held_out, options.details.wrong_share, model.confidence);
