@@ -60,7 +60,7 @@ constexpr float kAmbiguousShare = 0.9F;
 static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
 
 // A location that this share of the best one's evidence speaks for is its rival.
-constexpr float kRivalShare = 0.75F;
+constexpr float kRivalShare = 0.65F;
 
 // So many agreeing landmarks are as often wrong as right.
 constexpr float kDoubtfulInliers = 3;
@@ -174,6 +174,8 @@ struct Localizer::State {
     if (model.has_details()) {
       places.emplace(model.vocabulary().words, model.vocabulary().dim, model.details(),
                      model.scoring().num_locations, features.capacity());
+      likeness.resize(model.scoring().num_locations);
+      place_scores.resize(model.scoring().num_locations);
     }
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
@@ -225,6 +227,8 @@ struct Localizer::State {
   Camera model_camera;
   std::optional<PoseFinder> pose_finder;       // where the model has landmarks
   std::optional<PlaceEvidence> places;         // where the model has details
+  std::vector<float> likeness;                 // [locations] with details
+  std::vector<float> place_scores;             // [locations] with details
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
   std::vector<int> proposed_of_location;  // [locations]
@@ -303,14 +307,15 @@ float Localizer::State::ConfidenceOf(float margin) const {
 // The best guess's score less that of the best location that differs from it in the first `level`
 // parts of its name; none if all begin with them, for then they say nothing.
 std::optional<float> Localizer::State::MarginAtLevel(const Fix& fix, int level) const {
+  const std::span<const float> scores = places ? place_scores : location_scores;
   const std::string_view said = UpToLevel(model.location_name(fix.location_idx), level);
   std::optional<float> best_other;
-  for (int l = 0; l < static_cast<int>(location_scores.size()); ++l) {
+  for (int l = 0; l < static_cast<int>(scores.size()); ++l) {
     if (UpToLevel(model.location_name(l), level) == said) continue;
-    best_other = std::max(best_other.value_or(location_scores[l]), location_scores[l]);
+    best_other = std::max(best_other.value_or(scores[l]), scores[l]);
   }
   if (!best_other) return std::nullopt;
-  return location_scores[fix.location_idx] - *best_other;
+  return scores[fix.location_idx] - *best_other;
 }
 
 // Where areas of one floor look alike, but like those of no other floor, the floor is answered.
@@ -330,8 +335,7 @@ void Localizer::State::Decide(Fix& fix) const {
   fix.localized = fix.confidence >= model.confidence().threshold;
   if (fix.localized) return;
   fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
-  // With details, the curve is of their margin; that of the scores at a level says nothing.
-  if (fix.num_rivals > 0 && !places) fix.localized = DecideAtLevel(fix);
+  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(fix);
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
@@ -500,17 +504,17 @@ void Localizer::State::LocateByScore(Fix& fix) const {
 // Other locations that details speak for nearly as much, best first.
 void Localizer::State::FindDetailRivals(Fix& fix) const {
   const auto evidence = places->evidence();
-  const auto least = kRivalShare * static_cast<float>(evidence[fix.location_idx]);
   fix.num_rivals = 0;
   while (fix.num_rivals < Fix::kMaxRivals) {
     const std::span<const int> rivals(fix.rivals, fix.num_rivals);
     int best = -1;
     for (int l = 0; l < static_cast<int>(evidence.size()); ++l) {
-      const bool counted = l == fix.location_idx || std::ranges::find(rivals, l) != rivals.end();
-      if (counted || static_cast<float>(evidence[l]) < least) continue;
+      if (l == fix.location_idx || std::ranges::find(rivals, l) != rivals.end()) continue;
       if (best < 0 || evidence[l] > evidence[best]) best = l;
     }
     if (best < 0) return;
+    if (fix.num_rivals == 0) fix.rival_evidence = evidence[best];
+    if (!(evidence[best] > kRivalShare * fix.evidence)) return;
     fix.rivals[fix.num_rivals++] = best;
   }
 }
@@ -520,10 +524,10 @@ void Localizer::State::LocateByDetails(Fix& fix) {
   const int per_feature = model.vocabulary().words_per_feature;
   places->Weigh(features.descriptors(), features.keypoints(),
                 {words.data(), std::size_t(features.size()) * per_feature}, per_feature);
-  const PlaceEvidence::Best best = places->FindBest();
+  LikenessOfLocations(model.scoring(), model.keyframes(), keyframe_similarities, likeness);
+  ScorePlaces(places->evidence(), likeness, model.details().likeness_weight, place_scores);
+  const BestPlace best = FindBestPlace(places->evidence(), place_scores);
   last_place = best.location_idx;
-  fix.evidence = best.evidence;
-  fix.rival_evidence = best.rival_evidence;
   fix.margin = best.margin;
   if (best.location_idx >= 0) {
     fix.location_idx = best.location_idx;
@@ -531,6 +535,7 @@ void Localizer::State::LocateByDetails(Fix& fix) {
     fix.score = pair_scores[fix.pair_idx];
     fix.keyframe_idx = NearestKeyframe(fix.pair_idx);
     fix.num_inliers = places->votes()[fix.location_idx];
+    fix.evidence = places->evidence()[fix.location_idx];
     FindDetailRivals(fix);
   }
   Decide(fix);

@@ -80,7 +80,7 @@ struct Fix {
   float score = 0;     // f_{l,t}(x) of the best pair, eq. (5) of method.md
   float margin = 0;    // location's score, keyframes counted in, less the best other's; below
                        // zero where landmarks overrule the scores; where the model has details,
-                       // PlaceEvidence::Best's
+                       // BestPlace's
   int num_rivals = 0;  // other locations close to the best, best first
   int rivals[kMaxRivals] = {};
   int num_features = 0;

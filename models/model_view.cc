@@ -7,6 +7,7 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "models/viewfix_generated.h"
 
@@ -243,15 +244,26 @@ Status ModelView::LoadPoseConfidence() {
   return {};
 }
 
+namespace {
+
+// A keyframe's entries end with a word, and none is beyond the vocabulary.
+bool ValidWords(std::span<const std::uint8_t> entries, int num_words) {
+  std::int64_t word = -1;
+  for (const std::uint8_t entry : entries) word += StepOf(entry);
+  return word < num_words && CountOf(entries.back()) > 0;
+}
+
+}  // namespace
+
 Status ModelView::LoadKeyframes() {
   const fb::Keyframes* f = Root(bytes_)->keyframes();
   const std::size_t size = Span(f->pair()).size();
-  keyframes_ = {static_cast<int>(size), Span(f->pair()),           Span(f->word_begin()),
-                Span(f->words()),       Span(f->counts()),         Span(f->has_pose()),
-                Span(f->pose()),        Span(f->landmark_begin()), Span(f->landmarks())};
+  keyframes_ = {static_cast<int>(size),    Span(f->pair()),     Span(f->word_begin()),
+                Span(f->words()),          Span(f->has_pose()), Span(f->pose()),
+                Span(f->landmark_begin()), Span(f->landmarks())};
   const ModelKeyframes& k = keyframes_;
-  const bool sizes = k.word_begin.size() == size + 1 && k.counts.size() == k.words.size() &&
-                     k.has_pose.size() == size && k.pose.size() == size * 7;
+  const bool sizes =
+      k.word_begin.size() == size + 1 && k.has_pose.size() == size && k.pose.size() == size * 7;
   if (!sizes || (f->names() != nullptr && f->names()->size() != size)) {
     return Corrupt("model's keyframe tables have wrong sizes");
   }
@@ -264,11 +276,8 @@ Status ModelView::LoadKeyframes() {
     bool valid = k.pair[i] < scoring_.num_pairs && (i == 0 || k.pair[i] >= k.pair[i - 1]) &&
                  begin < end && end <= k.words.size() && k.has_pose[i] <= 1 &&
                  (k.has_pose[i] == 0 || ValidPose(k.pose.subspan(i * 7, 7)));
-    for (std::uint32_t j = begin; valid && j < end; ++j) {
-      valid = k.words[j] < vocabulary_.num_words && k.counts[j] >= 1 &&
-              (j == begin || k.words[j] > k.words[j - 1]);
-    }
-    if (!valid) return Corrupt("model's keyframe is broken");
+    if (!valid || !ValidWords(k.words.subspan(begin, end - begin), vocabulary_.num_words))
+      return Corrupt("model's keyframe is broken");
   }
   return {};
 }
@@ -366,29 +375,22 @@ Status ModelView::LoadFloorPlan() {
 Status ModelView::LoadDetails() {
   const fb::Details* d = Root(bytes_)->details();
   if (d == nullptr) return {};
-  const std::size_t size = Span(d->location()).size();
-  details_ = {static_cast<int>(size), d->parts(),          Span(d->codebook()),
-              Span(d->list_begin()),  Span(d->location()), Span(d->codes())};
-  const ModelDetails& m = details_;
-  const int dim = features_.descriptor_dim;
+  const std::span<const std::uint8_t> list_size = Span(d->list_size());
+  const std::size_t size = std::accumulate(list_size.begin(), list_size.end(), std::size_t{0});
+  const std::size_t dim = features_.descriptor_dim;
   const std::size_t lists = 2 * std::size_t(vocabulary_.num_words);
-  const bool sizes = size >= 1 && size <= kMaxDetails && m.parts >= 1 && dim % m.parts == 0 &&
-                     m.codebook.size() == kCodesOfPart * std::size_t(dim) &&
-                     m.list_begin.size() == lists + 1 && m.list_begin.front() == 0 &&
-                     m.list_begin.back() == size && m.codes.size() == size * m.parts;
-  if (!sizes) return Corrupt("model's detail tables have wrong sizes");
-  for (std::size_t list = 0; list < lists; ++list) {
-    const std::uint32_t begin = m.list_begin[list];
-    const std::uint32_t end = m.list_begin[list + 1];
-    if (begin > end || end > size) return Corrupt("model's lists of details are broken");
-    for (std::uint32_t i = begin; i < end; ++i) {
-      const bool ascending = i == begin || m.location[i] >= m.location[i - 1];
-      if (!ascending || m.location[i] >= scoring_.num_locations) {
-        return Corrupt("model's detail is of no location");
-      }
-    }
+  if (size < 1 || size > kMaxDetails || list_size.size() != (scoring_.num_locations + 1) * lists) {
+    return Corrupt("model's lists of details have wrong sizes");
   }
-  return {};
+  details_ = {static_cast<int>(size), d->parts(), Span(d->rotation()),
+              Span(d->codebook()),    list_size,  Span(d->codes()),
+              d->likeness_weight()};
+  const ModelDetails& m = details_;
+  const bool tables = m.parts >= 1 && dim % m.parts == 0 && m.rotation.size() == dim * dim &&
+                      m.codebook.size() == kCodesOfPart * dim && m.codes.size() == size * m.parts;
+  if (!tables) return Corrupt("model's detail tables have wrong sizes");
+  const bool weight = std::isfinite(m.likeness_weight) && m.likeness_weight >= 0;
+  return weight ? Status() : Corrupt("model's weight of likeness is out of range");
 }
 
 Status ModelView::LoadGolden() {

@@ -81,12 +81,17 @@ struct ModelPoseConfidence {
   float threshold = 0;
 };
 
+// An entry of a keyframe's histogram in one byte.
+inline constexpr int kMaxKeyframeStep = 32;
+inline constexpr int kMaxKeyframeCount = 7;
+inline int StepOf(std::uint8_t entry) { return (entry >> 3) + 1; }
+inline int CountOf(std::uint8_t entry) { return entry & 7; }
+
 struct ModelKeyframes {
   int size = 0;
-  std::span<const std::uint16_t> pair;        // [size]
-  std::span<const std::uint32_t> word_begin;  // [size + 1]
-  std::span<const std::uint16_t> words;
-  std::span<const std::uint8_t> counts;
+  std::span<const std::uint16_t> pair;            // [size]
+  std::span<const std::uint32_t> word_begin;      // [size + 1]
+  std::span<const std::uint8_t> words;            // coded: StepOf(), CountOf()
   std::span<const std::uint8_t> has_pose;         // [size]
   std::span<const float> pose;                    // [size, 7] tx ty tz qx qy qz qw
   std::span<const std::uint32_t> landmark_begin;  // [size + 1]; empty where no landmarks are
@@ -118,11 +123,12 @@ struct ModelLandmarks {
 // Sizes and order as in viewfix.fbs.
 struct ModelDetails {
   int size = 0;
-  int parts = 0;                              // S
-  std::span<const std::int8_t> codebook;      // [parts, kCodesOfPart, dim / parts]
-  std::span<const std::uint32_t> list_begin;  // [2 words + 1]
-  std::span<const std::uint16_t> location;    // [size]
-  std::span<const std::uint8_t> codes;        // [size, parts]
+  int parts = 0;                            // S
+  std::span<const std::int8_t> rotation;    // [dim, dim]
+  std::span<const std::int8_t> codebook;    // [parts, kCodesOfPart, dim / parts]
+  std::span<const std::uint8_t> list_size;  // [locations + 1, 2 words]
+  std::span<const std::uint8_t> codes;      // [size, parts]
+  float likeness_weight = 0;
 };
 
 // x = a px + b py + tx, y = b px - a py + ty, metres.

@@ -47,15 +47,57 @@ flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder
                              static_cast<std::uint16_t>(f.height), alignment);
 }
 
+// Of each keyframe, words that ascend and that occur.
+bool HasHistograms(const ModelData& d) {
+  const std::vector<std::uint32_t>& begin = d.keyframe_word_begin;
+  if (begin.empty() || begin.front() != 0 || begin.back() != d.keyframe_words.size() ||
+      d.keyframe_counts.size() != d.keyframe_words.size() ||
+      !std::is_sorted(begin.begin(), begin.end())) {
+    return false;
+  }
+  for (std::size_t k = 0; k + 1 < begin.size(); ++k) {
+    for (std::uint32_t j = begin[k]; j < begin[k + 1]; ++j) {
+      if (d.keyframe_counts[j] == 0) return false;
+      if (j > begin[k] && d.keyframe_words[j] <= d.keyframe_words[j - 1]) return false;
+    }
+  }
+  return true;
+}
+
+struct CodedWords {
+  std::vector<std::uint32_t> begin = {0};
+  std::vector<std::uint8_t> entries;
+};
+
+// As viewfix.fbs says it.
+CodedWords CodeKeyframeWords(const ModelData& d) {
+  CodedWords coded;
+  const auto add = [&](int step, int count) {
+    coded.entries.push_back(static_cast<std::uint8_t>((step - 1) * 8 + count));
+  };
+  for (std::size_t k = 0; k + 1 < d.keyframe_word_begin.size(); ++k) {
+    int word = -1;
+    for (std::uint32_t j = d.keyframe_word_begin[k]; j < d.keyframe_word_begin[k + 1]; ++j) {
+      for (; d.keyframe_words[j] - word > kMaxKeyframeStep; word += kMaxKeyframeStep) {
+        add(kMaxKeyframeStep, 0);
+      }
+      add(d.keyframe_words[j] - word, std::min<int>(d.keyframe_counts[j], kMaxKeyframeCount));
+      word = d.keyframe_words[j];
+    }
+    coded.begin.push_back(static_cast<std::uint32_t>(coded.entries.size()));
+  }
+  return coded;
+}
+
 flatbuffers::Offset<fb::Details> BuildDetails(flatbuffers::FlatBufferBuilder& b,
                                               const ModelData::DetailsData& d) {
-  if (d.location.empty()) return 0;
+  if (d.codes.empty()) return 0;
+  const auto rotation = b.CreateVector(d.rotation);
   const auto codebook = b.CreateVector(d.codebook);
-  const auto list_begin = b.CreateVector(d.list_begin);
-  const auto location = b.CreateVector(d.location);
+  const auto list_size = b.CreateVector(d.list_size);
   const auto codes = b.CreateVector(d.codes);
-  return fb::CreateDetails(b, static_cast<std::uint8_t>(d.parts), codebook, list_begin, location,
-                           codes);
+  return fb::CreateDetails(b, static_cast<std::uint8_t>(d.parts), rotation, codebook, list_size,
+                           codes, d.likeness_weight);
 }
 
 flatbuffers::Offset<fb::GoldenQueries> BuildGolden(flatbuffers::FlatBufferBuilder& b,
@@ -99,16 +141,16 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto confidence =
       fb::CreateConfidence(b, d.confidence.offset, d.confidence.slope, d.confidence.threshold);
   const auto pair = b.CreateVector(d.keyframe_pair);
-  const auto word_begin = b.CreateVector(d.keyframe_word_begin);
-  const auto words = b.CreateVector(d.keyframe_words);
-  const auto counts = b.CreateVector(d.keyframe_counts);
+  const CodedWords coded = CodeKeyframeWords(d);
+  const auto word_begin = b.CreateVector(coded.begin);
+  const auto words = b.CreateVector(coded.entries);
   const auto has_pose = b.CreateVector(d.keyframe_has_pose);
   const auto pose = b.CreateVector(Flat(d.keyframe_pose));
   const auto landmark_begin = b.CreateVector(d.keyframe_landmark_begin);
   const auto landmarks = b.CreateVector(d.keyframe_landmarks);
   flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>> names = 0;
   if (!d.keyframe_names.empty()) names = b.CreateVectorOfStrings(d.keyframe_names);
-  const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, counts, has_pose, pose,
+  const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, has_pose, pose,
                                              landmark_begin, landmarks, names);
   flatbuffers::Offset<fb::Camera> camera = 0;
   flatbuffers::Offset<fb::Landmarks> map = 0;
@@ -158,9 +200,16 @@ void UnpackScoring(const ModelView& m, ModelData& d) {
 void UnpackKeyframes(const ModelView& m, ModelData& d) {
   const ModelKeyframes& k = m.keyframes();
   d.keyframe_pair = Owned(k.pair);
-  d.keyframe_word_begin = Owned(k.word_begin);
-  d.keyframe_words = Owned(k.words);
-  d.keyframe_counts = Owned(k.counts);
+  for (int i = 0; i < k.size; ++i) {
+    int word = -1;
+    for (std::uint32_t j = k.word_begin[i]; j < k.word_begin[std::size_t(i) + 1]; ++j) {
+      word += StepOf(k.words[j]);
+      if (CountOf(k.words[j]) == 0) continue;
+      d.keyframe_words.push_back(static_cast<std::uint16_t>(word));
+      d.keyframe_counts.push_back(static_cast<std::uint8_t>(CountOf(k.words[j])));
+    }
+    d.keyframe_word_begin.push_back(static_cast<std::uint32_t>(d.keyframe_words.size()));
+  }
   d.keyframe_has_pose = Owned(k.has_pose);
   d.keyframe_pose = Rows<7>(k.pose);
   d.keyframe_landmark_begin = Owned(k.landmark_begin);
@@ -197,8 +246,8 @@ void UnpackExtras(const ModelView& m, ModelData& d) {
   }
   if (m.has_details()) {
     const ModelDetails& t = m.details();
-    d.details = {t.parts, Owned(t.codebook), Owned(t.list_begin), Owned(t.location),
-                 Owned(t.codes)};
+    d.details = {t.parts,        Owned(t.rotation), Owned(t.codebook), Owned(t.list_size),
+                 Owned(t.codes), t.likeness_weight};
   }
   const ModelGolden& g = m.golden();
   if (g.size == 0) return;
@@ -215,6 +264,9 @@ void PutLittleEndian(std::uint8_t* to, T value) {
 }  // namespace
 
 Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data) {
+  if (!HasHistograms(data)) {
+    return Status(StatusCode::kInvalidArgument, "a keyframe's words do not ascend or occur");
+  }
   flatbuffers::FlatBufferBuilder builder(1 << 20);
   builder.ForceDefaults(true);
   fb::FinishModelBuffer(builder, BuildModel(builder, data));

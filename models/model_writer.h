@@ -31,7 +31,7 @@ struct ModelData {
   ModelConfidence confidence;
   std::optional<ModelPoseConfidence> pose_confidence;
   std::vector<std::uint16_t> keyframe_pair;
-  std::vector<std::uint32_t> keyframe_word_begin = {0};
+  std::vector<std::uint32_t> keyframe_word_begin = {0};  // into the next two
   std::vector<std::uint16_t> keyframe_words;
   std::vector<std::uint8_t> keyframe_counts;
   std::vector<std::uint8_t> keyframe_has_pose;
@@ -64,13 +64,14 @@ struct ModelData {
     int height = 0;
     std::array<double, 4> site_from_pixel{};
   } floor_plan;
-  // No locations: none.
+  // No codes: none.
   struct DetailsData {
     int parts = 0;
+    std::vector<std::int8_t> rotation;
     std::vector<std::int8_t> codebook;
-    std::vector<std::uint32_t> list_begin;
-    std::vector<std::uint16_t> location;
+    std::vector<std::uint8_t> list_size;
     std::vector<std::uint8_t> codes;
+    float likeness_weight = 0;
   } details;
   // No pairs: none.
   struct GoldenData {

@@ -36,19 +36,36 @@ std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, int 
 
 }  // namespace
 
+void TurnDescriptor(std::span<const std::int8_t> rotation, const std::int8_t* descriptor, int dim,
+                    std::int8_t* turned) {
+  for (int i = 0; i < dim; ++i) {
+    const std::int32_t sum = Dot(rotation.data() + std::size_t(i) * dim, descriptor, dim);
+    const std::int32_t rounded = (sum + (sum < 0 ? -63 : 63)) / 127;
+    turned[i] = static_cast<std::int8_t>(std::clamp(rounded, -127, 127));
+  }
+}
+
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
                              const ModelDetails& details, int num_locations, int max_features)
-    : words_(words),
-      dim_(dim),
+    : dim_(dim),
       details_(details),
+      common_(num_locations),
+      words_(words.size()),
       codebook_(details.codebook.size()),
+      list_begin_(2 * (words.size() / dim) + 1, 0),
+      location_(details.size),
+      codes_(details.codes.size()),
       norm2_(details.size),
+      turned_(dim),
       table_(std::size_t(details.parts) * kCodesOfPart),
-      nearest2_(num_locations, kFar2),
-      evidence_(num_locations, 0),
-      votes_(num_locations, 0),
+      nearest2_(num_locations + 1, kFar2),
+      evidence_(num_locations + 1, 0.0F),
+      votes_(num_locations + 1, 0),
       choices_(max_features, -1) {
-  touched_.reserve(num_locations);
+  touched_.reserve(num_locations + 1);
+  for (std::size_t w = 0; w < words.size(); w += dim) {
+    TurnDescriptor(details.rotation, words.data() + w, dim, words_.data() + w);
+  }
   const int piece = dim / details.parts;
   for (int p = 0; p < details.parts; ++p) {
     for (int c = 0; c < kCodesOfPart; ++c) {
@@ -58,7 +75,31 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
       }
     }
   }
+  ListDetails();
   SumNorms();
+}
+
+// The model keeps a location's details together; a feature asks for those of a word.
+void PlaceEvidence::ListDetails() {
+  const std::size_t lists = list_begin_.size() - 1;
+  const auto size_of = [&](int location, std::size_t list) {
+    return details_.list_size[location * lists + list];
+  };
+  for (int l = 0; l <= common_; ++l) {
+    for (std::size_t list = 0; list < lists; ++list) list_begin_[list + 1] += size_of(l, list);
+  }
+  for (std::size_t list = 0; list < lists; ++list) list_begin_[list + 1] += list_begin_[list];
+  std::vector<std::uint32_t> next(list_begin_.begin(), list_begin_.end() - 1);
+  const std::uint8_t* codes = details_.codes.data();
+  for (int l = 0; l <= common_; ++l) {
+    for (std::size_t list = 0; list < lists; ++list) {
+      const std::size_t bytes = std::size_t(size_of(l, list)) * details_.parts;
+      std::copy_n(codes, bytes, codes_.begin() + std::size_t(next[list]) * details_.parts);
+      std::fill_n(location_.begin() + next[list], size_of(l, list), static_cast<std::uint16_t>(l));
+      next[list] += size_of(l, list);
+      codes += bytes;
+    }
+  }
 }
 
 // |w + r|^2 = |w|^2 + sum over parts of 2 w'c + |c|^2.
@@ -69,19 +110,16 @@ void PlaceEvidence::SumNorms() {
     const std::int8_t* centre = details_.codebook.data() + code * piece;
     code_norm2[code] = Dot(centre, centre, piece);
   }
-  const int num_words = static_cast<int>(details_.list_begin.size() / 2);
-  for (int w = 0; w < num_words; ++w) {
-    const std::uint32_t begin = details_.list_begin[2 * std::size_t(w)];
-    const std::uint32_t end = details_.list_begin[2 * std::size_t(w) + 2];
-    if (begin == end) continue;
-    const std::int8_t* word = words_.data() + std::size_t(w) * dim_;
+  for (std::size_t list = 0; list + 1 < list_begin_.size(); ++list) {
+    if (list_begin_[list] == list_begin_[list + 1]) continue;
+    const std::int8_t* word = words_.data() + list / 2 * dim_;
     FillTable(word);
     for (std::size_t code = 0; code < table_.size(); ++code) {
       table_[code] = 2 * table_[code] + code_norm2[code];
     }
     const std::int32_t word_norm2 = Dot(word, word, dim_);
-    for (std::uint32_t d = begin; d < end; ++d) {
-      const std::uint8_t* codes = details_.codes.data() + std::size_t(d) * details_.parts;
+    for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
+      const std::uint8_t* codes = codes_.data() + std::size_t(d) * details_.parts;
       norm2_[d] = word_norm2 + SumCodes<0>(table_.data(), codes, details_.parts);
     }
   }
@@ -100,14 +138,14 @@ void PlaceEvidence::FillTable(const std::int8_t* descriptor) {
 void PlaceEvidence::CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list) {
   const int parts = details_.parts;
   const std::int32_t base = query_norm2 - 2 * word_dot;
-  for (std::uint32_t d = details_.list_begin[list]; d < details_.list_begin[list + 1]; ++d) {
-    const std::uint8_t* codes = details_.codes.data() + std::size_t(d) * parts;
+  for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
+    const std::uint8_t* codes = codes_.data() + std::size_t(d) * parts;
     const std::int32_t product = parts == 8 ? SumCodes<8>(table_.data(), codes, parts)
                                             : SumCodes<0>(table_.data(), codes, parts);
     const std::int32_t distance2 = base + norm2_[d] - 2 * product;
     if (distance2 >= kFar2) continue;
-    std::int32_t& nearest2 = nearest2_[details_.location[d]];
-    if (nearest2 == kFar2) touched_.push_back(details_.location[d]);
+    std::int32_t& nearest2 = nearest2_[location_[d]];
+    if (nearest2 == kFar2) touched_.push_back(location_[d]);
     nearest2 = std::min(nearest2, std::max(distance2, 0));
   }
 }
@@ -129,7 +167,8 @@ int PlaceEvidence::Vote() {
   }
   touched_.clear();
   if (first2 == second2) return -1;
-  evidence_[location] += second2 - first2;
+  const float gap = static_cast<float>(second2 - first2) / kUnit;
+  evidence_[location] += gap * std::sqrt(gap);
   ++votes_[location];
   return location;
 }
@@ -137,40 +176,42 @@ int PlaceEvidence::Vote() {
 void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
                           std::span<const Keypoint> keypoints,
                           std::span<const std::uint16_t> words_of_features, int words_per_feature) {
-  std::fill(evidence_.begin(), evidence_.end(), 0);
+  std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    const std::int8_t* descriptor = descriptors.data() + i * dim_;
-    FillTable(descriptor);
-    const std::int32_t norm2 = Dot(descriptor, descriptor, dim_);
+    TurnDescriptor(details_.rotation, descriptors.data() + i * dim_, dim_, turned_.data());
+    FillTable(turned_.data());
+    const std::int32_t norm2 = Dot(turned_.data(), turned_.data(), dim_);
     const int dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;
     for (int v = 0; v < words_per_feature; ++v) {
       const int word = words_of_features[i * words_per_feature + v];
-      const std::int32_t dot = Dot(descriptor, words_.data() + std::size_t(word) * dim_, dim_);
+      const std::int32_t dot = Dot(turned_.data(), words_.data() + std::size_t(word) * dim_, dim_);
       CompareWithList(norm2, dot, 2 * word + dark);
     }
     choices_[i] = Vote();
   }
 }
 
-PlaceEvidence::Best PlaceEvidence::FindBest() const {
-  std::int32_t first = 0, second = 0;
-  Best best;
-  for (int l = 0; l < static_cast<int>(evidence_.size()); ++l) {
-    if (evidence_[l] > first) {
-      second = first;
-      first = evidence_[l];
-      best.location_idx = l;
-    } else {
-      second = std::max(second, evidence_[l]);
-    }
+void ScorePlaces(std::span<const float> evidence, std::span<const float> likeness,
+                 float likeness_weight, std::span<float> scores) {
+  for (std::size_t l = 0; l < scores.size(); ++l) {
+    scores[l] = std::sqrt(evidence[l]) - likeness_weight * likeness[l];
   }
-  best.evidence = static_cast<float>(first) / kUnit;
-  best.rival_evidence = static_cast<float>(second) / kUnit;
-  // Less than a unit is chance.
-  if (first > 0) {
-    best.margin = (best.evidence - best.rival_evidence) / std::sqrt(std::max(best.evidence, 1.0F));
+}
+
+BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> scores) {
+  BestPlace best;
+  for (int l = 0; l < static_cast<int>(scores.size()); ++l) {
+    if (!(evidence[l] > 0)) continue;
+    if (best.location_idx < 0 || scores[l] > scores[best.location_idx]) best.location_idx = l;
   }
+  if (best.location_idx < 0) return best;
+  const float* other = nullptr;
+  for (const float& score : scores) {
+    if (&score == &scores[best.location_idx]) continue;
+    if (other == nullptr || score > *other) other = &score;
+  }
+  best.margin = other == nullptr ? 0.0F : std::max(scores[best.location_idx] - *other, 0.0F);
   return best;
 }
 

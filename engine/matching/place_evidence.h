@@ -11,26 +11,31 @@
 namespace viewfix {
 
 // What a frame's features say for each location, by the details that the model keeps of it. A
-// feature speaks for the location of the detail nearest to its own descriptor, by as much as the
-// nearest detail of any other location is farther away:
-//   e_l = sum over features i whose nearest location is l of min(d_i2^2, far^2) - d_i1^2
+// feature speaks for the location of the detail nearest to its own descriptor, by how much farther
+// away the nearest detail of any other location is:
+//   e_l = sum over features i whose nearest location is l of g_i sqrt(g_i),
+//   g_i = min(d_i2^2, far^2) - d_i1^2
 // with d_i1 and d_i2 the distances to the nearest and to the second nearest location. So a door's
 // frame, which every floor has, says nothing, and the number on the door much: the local
-// naive-Bayes nearest neighbour of [1] with one location for background. Details are looked for
-// in the lists of a feature's words, and compared by their codes [2], in integers: the same on
-// every processor. Allocates in the constructor only. One instance serves one thread.
+// naive-Bayes nearest neighbour of [1] with one location for background. Where the nearest is one
+// of the common details, which many locations have, the feature says nothing. The power 3/2 lets
+// one clear feature outweigh many small differences, which a like viewpoint alone makes. Details
+// are looked for in the lists of a feature's words, and compared by their codes [2] of turned
+// descriptors [3], in integers; what they say is summed in the features' order: the same on every
+// processor. Allocates in the constructor only. One instance serves one thread.
 // [1] S. McCann, D. Lowe, Local Naive Bayes Nearest Neighbor, CVPR 2012.
 // [2] H. Jegou, M. Douze, C. Schmid, Product quantization for nearest neighbor search, PAMI 2011.
+// [3] T. Ge, K. He, Q. Ke, J. Sun, Optimized Product Quantization, CVPR 2013.
 class PlaceEvidence {
  public:
   // Details farther than this, of descriptors of length 127, are no match.
   static constexpr std::int32_t kFar = 60;
-  // Evidence is counted in squared distances; so many make one.
-  static constexpr std::int32_t kUnit = 1000;
+  // g of one unit, in squared distances.
+  static constexpr float kUnit = 1000;
 
   //   words [num_words, dim] of the model's vocabulary
+  //   details  borrowed: must outlive this
   //   max_features: that Weigh() is given at most
-  // Both are borrowed and must outlive this.
   PlaceEvidence(std::span<const std::int8_t> words, int dim, const ModelDetails& details,
                 int num_locations, int max_features);
 
@@ -40,39 +45,55 @@ class PlaceEvidence {
              std::span<const std::uint16_t> words_of_features, int words_per_feature);
 
   // Of the last Weigh(): e_l of every location, and how many features spoke for it.
-  std::span<const std::int32_t> evidence() const { return evidence_; }
-  std::span<const int> votes() const { return votes_; }
+  std::span<const float> evidence() const { return {evidence_.data(), std::size_t(common_)}; }
+  std::span<const int> votes() const { return {votes_.data(), std::size_t(common_)}; }
 
-  // [max_features] the location that each of the n features spoke for; -1: none.
+  // [max_features] the location that each of the n features spoke for, one behind the last for the
+  // common details; -1: none.
   std::span<const int> choices() const { return choices_; }
 
-  // How far the location that most speaks for stands out: (e - e') / sqrt(e), in units, e' the
-  // best other location's. Evidence of chance grows as its square root does. Nothing: 0.
-  struct Best {
-    int location_idx = -1;  // the lowest index among equals; -1: no evidence
-    float evidence = 0;     // units
-    float rival_evidence = 0;
-    float margin = 0;
-  };
-  Best FindBest() const;
-
  private:
+  void ListDetails();
   void SumNorms();
   void FillTable(const std::int8_t* descriptor);
   void CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list);
   int Vote();
 
-  std::span<const std::int8_t> words_;
   int dim_;
   ModelDetails details_;
+  int common_;                          // stands for the common details: one behind the locations
+  std::vector<std::int8_t> words_;      // [words, dim] turned
   std::vector<std::int16_t> codebook_;  // [parts, dim / parts, kCodesOfPart]: codes side by side
-  std::vector<std::int32_t> norm2_;     // [details]
-  std::vector<std::int32_t> table_;     // [parts, kCodesOfPart] q'c of the feature at hand
-  std::vector<std::int32_t> nearest2_;  // [locations] squared distance; kFar^2: none
-  std::vector<int> touched_;            // locations that are nearer than that
-  std::vector<std::int32_t> evidence_;  // [locations]
-  std::vector<int> votes_;              // [locations]
-  std::vector<int> choices_;            // [features]
+  std::vector<std::uint32_t> list_begin_;  // [2 words + 1] into the details, by list
+  std::vector<std::uint16_t> location_;    // [details]
+  std::vector<std::uint8_t> codes_;        // [details, parts]
+  std::vector<std::int32_t> norm2_;        // [details]
+  std::vector<std::int8_t> turned_;        // [dim] the feature at hand
+  std::vector<std::int32_t> table_;        // [parts, kCodesOfPart] q'c of the feature at hand
+  std::vector<std::int32_t> nearest2_;     // [locations + 1] squared distance; kFar^2: none
+  std::vector<int> touched_;               // locations that are nearer than that
+  std::vector<float> evidence_;            // [locations + 1]
+  std::vector<int> votes_;                 // [locations + 1]
+  std::vector<int> choices_;               // [features]
 };
+
+// A descriptor as the details' codes see it: rotation * descriptor / 127, rounded, cut to a byte.
+//   rotation [dim, dim], descriptor [dim], turned [dim]
+void TurnDescriptor(std::span<const std::int8_t> rotation, const std::int8_t* descriptor, int dim,
+                    std::int8_t* turned);
+
+// How far each location's evidence goes beyond what a like view would give it:
+//   s_l = sqrt(e_l) - likeness_weight * likeness_l
+//   evidence, likeness, scores [locations]
+void ScorePlaces(std::span<const float> evidence, std::span<const float> likeness,
+                 float likeness_weight, std::span<float> scores);
+
+// The location of which evidence speaks and whose score is highest, and the lead over the best
+// other. The lowest index among equals; -1 and 0 where there is no evidence.
+struct BestPlace {
+  int location_idx = -1;
+  float margin = 0;
+};
+BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> scores);
 
 }  // namespace viewfix

@@ -28,8 +28,8 @@ class Retrieval {
 
  private:
   ModelKeyframes keyframes_;
-  std::array<float, 256> mapped_count_;  // of a count, before it is scaled by scale_
-  std::vector<float> query_;             // [words] dense
+  std::array<float, kMaxKeyframeCount + 1> mapped_count_;  // of a count, before scale_; of 0: 0
+  std::vector<float> query_;                               // [words] dense
   std::vector<std::uint16_t> query_words_;
   std::vector<int> first_of_pair_;  // [pairs + 1]
   std::vector<float> scale_;        // [keyframes] h = scale * mapped count

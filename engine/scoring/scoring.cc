@@ -80,6 +80,15 @@ void AddKeyframeSimilarity(const ModelScoring& model, const ModelKeyframes& keyf
   }
 }
 
+void LikenessOfLocations(const ModelScoring& model, const ModelKeyframes& keyframes,
+                         std::span<const float> similarities, std::span<float> likeness) {
+  std::fill(likeness.begin(), likeness.end(), kNoSimilarity);
+  for (int k = 0; k < keyframes.size; ++k) {
+    float& best = likeness[model.pair_location[keyframes.pair[k]]];
+    best = std::max(best, similarities[k]);
+  }
+}
+
 void ScoreLocations(const ModelScoring& model, std::span<const float> pair_scores,
                     std::span<float> location_scores) {
   const bool sum = model.location_rule == LocationRule::kSumOfPairs;

@@ -24,6 +24,11 @@ inline constexpr float kNoSimilarity = -0.5F;  // of histograms that share no wo
 void AddKeyframeSimilarity(const ModelScoring& model, const ModelKeyframes& keyframes,
                            std::span<const float> similarities, std::span<float> pair_scores);
 
+// How like the frame the most similar keyframe of each location is; kNoSimilarity without any.
+//   similarities [keyframes], likeness [locations]. No allocation.
+void LikenessOfLocations(const ModelScoring& model, const ModelKeyframes& keyframes,
+                         std::span<const float> similarities, std::span<float> likeness);
+
 // A location's score from its pairs' scores, by the model's rule.
 //   pair_scores [pairs], location_scores [locations]. No allocation.
 void ScoreLocations(const ModelScoring& model, std::span<const float> pair_scores,

@@ -56,7 +56,8 @@ void RunCheck(const CheckFlags& flags) {
 void AddCheck(CLI::App& app) {
   auto flags = std::make_shared<CheckFlags>();
   CLI::App* command = app.add_subcommand(
-      "check", "what is wrong or thin in an image set, before training\nExample: viewfix check museum");
+      "check",
+      "what is wrong or thin in an image set, before training\nExample: viewfix check museum");
   command->add_option("set", flags->set, "folder of an image set, or its CSV")->required();
   command->add_option("--json", flags->json, "write the findings to this file");
   AddFeatureFlags(*command, flags->options.features);

@@ -11,11 +11,14 @@ void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
                                                             {"sift", FeatureType::kSift}};
   command.add_option("--features", options.type, "surf, or sift (models for the laptop only)")
       ->transform(CLI::CheckedTransformer(kTypes));
-  command.add_option("--max-features", options.max_features, "features an image")
+  command
+      .add_option("--max-features", options.max_features,
+                  "features an image; where `train` has no map to check places by, 1600")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
-  command.add_option("--max-side", options.max_image_side,
-                     "larger images are shrunk to this longest side, pixels")
+  command
+      .add_option("--max-side", options.max_image_side,
+                  "larger images are shrunk to this longest side, pixels")
       ->check(CLI::Range(64, 4096))
       ->capture_default_str();
   command.add_flag("--upright", options.upright, "no orientation: for cameras that never roll");

@@ -30,14 +30,13 @@ Json Sections(const ModelView& model) {
   const ModelDetails& d = model.details();
   return {{"vocabulary", model.vocabulary().words.size_bytes()},
           {"weights", model.scoring().weights.size_bytes()},
-          {"keyframe_histograms",
-           k.word_begin.size_bytes() + k.words.size_bytes() + k.counts.size_bytes()},
+          {"keyframe_histograms", k.word_begin.size_bytes() + k.words.size_bytes()},
           {"keyframe_poses", k.pose.size_bytes() + k.has_pose.size_bytes()},
           {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
           {"landmark_positions", l.position.size_bytes()},
           {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
-          {"details", d.codebook.size_bytes() + d.list_begin.size_bytes() +
-                          d.location.size_bytes() + d.codes.size_bytes()},
+          {"details", d.rotation.size_bytes() + d.codebook.size_bytes() + d.list_size.size_bytes() +
+                          d.codes.size_bytes()},
           {"floor_plan", model.floor_plan().picture.size()},
           {"record", model.record().size()}};
 }

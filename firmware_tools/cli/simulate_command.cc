@@ -21,8 +21,9 @@ void AddSimulate(CLI::App& app) {
       ->capture_default_str();
   command->add_option("--seed", options->seed, "another seed, another building")
       ->capture_default_str();
-  command->add_option("--images-per-view", options->images_per_view,
-                      "images of each location and view; below 20 also no walk")
+  command
+      ->add_option("--images-per-view", options->images_per_view,
+                   "images of each location and view; below 20 also no walk")
       ->check(CLI::Range(2, 20))
       ->capture_default_str();
   command->add_option("--jobs", options->jobs, "threads; 0: all cores")

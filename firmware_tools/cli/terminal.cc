@@ -56,8 +56,8 @@ class Bar {
 
   void End(int total, Clock::time_point now) {
     ended_ = true;
-    std::fprintf(stderr, "%s%-18s %d done in %.1f s\n", terminal_ ? "\r\033[K" : "",
-                 stage_.c_str(), total, Seconds(now));
+    std::fprintf(stderr, "%s%-18s %d done in %.1f s\n", terminal_ ? "\r\033[K" : "", stage_.c_str(),
+                 total, Seconds(now));
   }
 
   std::string stage_;

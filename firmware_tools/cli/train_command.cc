@@ -34,6 +34,7 @@ struct TrainFlags {
   std::string negatives = "auto";
   double c = 0;
   double beta = 0;
+  bool max_features_given = false;
   double details_mb = static_cast<double>(DetailOptions().max_bytes) / 1e6;
   TrainOptions options;
 };
@@ -155,11 +156,27 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
       100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()));
 }
 
+bool HasMap(const ImageSet& set, MapSource source) {
+  return source == MapSource::kColmap ||
+         (source == MapSource::kPoses &&
+          std::any_of(set.images.begin(), set.images.end(), [](const ImageRecord& image) {
+            return image.pose && image.camera_idx >= 0 && !image.is_test;
+          }));
+}
+
+// Where no landmarks will tell places apart, details do, of as many features as there is time for.
+// IE Tower's training split, four of five folds, area right: 87.0 % with 800, 89.5 % with 1600.
+constexpr int kFeaturesWithoutMap = 1600;
+
 void RunTrain(const TrainFlags& flags) {
-  const TrainOptions options = OptionsOf(flags);
+  TrainOptions options = OptionsOf(flags);
   CheckCanWrite(flags.out);
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   CheckPosesAskedFor(flags, set);
+  const bool details = options.details.max_bytes > 0 && !HasMap(set, options.map.source);
+  if (details && !flags.max_features_given && !options.base) {
+    options.features.max_features = kFeaturesWithoutMap;
+  }
   const Preparation prepared = Prepare(set, options, ShowProgress);
   PrintWarnings(set, prepared, options.jobs);
   const TrainResult result = Train(set, prepared, options, ShowProgress);
@@ -255,7 +272,10 @@ void AddTrain(CLI::App& app) {
                              "--features", "--max-features", "--max-side", "--upright"}) {
     base->excludes(command->get_option(frozen));
   }
-  command->callback([flags] { RunTrain(*flags); });
+  command->callback([flags, command] {
+    flags->max_features_given = command->count("--max-features") > 0;
+    RunTrain(*flags);
+  });
 }
 
 }  // namespace viewfix

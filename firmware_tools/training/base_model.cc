@@ -2,6 +2,7 @@
 #include "firmware_tools/training/base_model.h"
 
 #include <algorithm>
+#include <numeric>
 
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/training/base_map.h"
@@ -128,32 +129,31 @@ class Merger {
     }
   }
 
-  // Of a list, the details of one location.
-  static Rows DetailsOf(const ModelData::DetailsData& details, std::size_t list, int location) {
-    const auto begin = details.location.begin() + details.list_begin[list];
-    const auto end = details.location.begin() + details.list_begin[list + 1];
-    const auto [first, last] = std::equal_range(begin, end, location);
-    return {static_cast<int>(first - details.location.begin()),
-            static_cast<int>(last - details.location.begin())};
+  // Adds one location's details to `merged`; of location [locations], the common ones.
+  static void AddDetailsOf(const ModelData::DetailsData& from, std::size_t lists, int location,
+                           ModelData::DetailsData& merged) {
+    const auto sizes = from.list_size.begin();
+    const auto first = sizes + static_cast<std::ptrdiff_t>(location * lists);
+    const auto last = first + static_cast<std::ptrdiff_t>(lists);
+    merged.list_size.insert(merged.list_size.end(), first, last);
+    const std::ptrdiff_t begin = std::accumulate(sizes, first, std::ptrdiff_t{0}) * from.parts;
+    const std::ptrdiff_t end = begin + std::accumulate(first, last, std::ptrdiff_t{0}) * from.parts;
+    merged.codes.insert(merged.codes.end(), from.codes.begin() + begin, from.codes.begin() + end);
   }
 
+  // The common details are the base's: what they take from a location says nothing anyhow.
   void KeepDetails() {
     const ModelData::DetailsData& theirs = base_.details;
     const ModelData::DetailsData& own = model_.details;
-    if (theirs.location.empty() || own.location.empty()) return;
-    ModelData::DetailsData merged{own.parts, own.codebook, {0}, {}, {}};
-    for (std::size_t list = 0; list + 1 < own.list_begin.size(); ++list) {
-      for (int l = 0; l < static_cast<int>(base_location_.size()); ++l) {
-        const bool kept = base_location_[l] >= 0;
-        const ModelData::DetailsData& from = kept ? theirs : own;
-        const Rows rows = DetailsOf(from, list, kept ? base_location_[l] : l);
-        merged.location.insert(merged.location.end(), rows.size(), static_cast<std::uint16_t>(l));
-        const auto codes = from.codes.begin();
-        merged.codes.insert(merged.codes.end(), codes + std::ptrdiff_t{rows.begin} * from.parts,
-                            codes + std::ptrdiff_t{rows.end} * from.parts);
-      }
-      merged.list_begin.push_back(static_cast<std::uint32_t>(merged.location.size()));
+    if (theirs.codes.empty() || own.codes.empty()) return;
+    const std::size_t lists = own.list_size.size() / (model_.locations.size() + 1);
+    ModelData::DetailsData merged{own.parts, own.rotation, own.codebook,
+                                  {},        {},           theirs.likeness_weight};
+    for (int l = 0; l < static_cast<int>(base_location_.size()); ++l) {
+      const bool kept = base_location_[l] >= 0;
+      AddDetailsOf(kept ? theirs : own, lists, kept ? base_location_[l] : l, merged);
     }
+    AddDetailsOf(theirs, lists, static_cast<int>(base_.locations.size()), merged);
     model_.details = std::move(merged);
   }
 

@@ -76,6 +76,11 @@ ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
   return {static_cast<float>(curve.offset), static_cast<float>(curve.slope), 0.5F};
 }
 
+double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
+  const Curve curve = {confidence.offset, confidence.slope};
+  return Loss(outcomes, {1, 0}, curve) / static_cast<double>(outcomes.size());
+}
+
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
                        ModelConfidence& confidence) {
   std::vector<Outcome> sorted(outcomes.begin(), outcomes.end());

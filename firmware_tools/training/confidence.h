@@ -18,6 +18,9 @@ struct Outcome {
 // the threshold at one half: an answer is given where it is more likely right than wrong.
 ModelConfidence FitConfidence(std::span<const Outcome> outcomes);
 
+// Mean of -log p(what was) over the outcomes, at a curve.
+double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
+
 // Raises the curve's threshold, where need be, so far that of the outcomes answered no more than
 // `wrong_share` are wrong: the widest set of greatest margins for which that holds is answered.
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,

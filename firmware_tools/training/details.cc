@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/training/details.h"
 
+#include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <cmath>
+#include <limits>
 #include <memory>
 
 #include "engine/matching/place_evidence.h"
+#include "engine/scoring/scoring.h"
 #include "engine/vocabulary/vocabulary.h"
 #include "firmware_tools/training/kmeans.h"
 
@@ -29,6 +33,81 @@ void SubtractWord(const std::int8_t* descriptor, const std::int8_t* word, int di
   }
 }
 
+// Squared distance of two descriptors.
+std::int32_t Distance2(const std::int8_t* a, const std::int8_t* b, int dim) {
+  std::int32_t sum = 0;
+  for (int i = 0; i < dim; ++i) {
+    const auto difference = static_cast<std::int16_t>(a[i] - b[i]);
+    sum += std::int32_t{difference} * difference;
+  }
+  return sum;
+}
+
+// Directions of a covariance dealt to the parts of a code so that each part has about the same
+// volume to cover: the parametric solution of [1], whose rows are the directions, part after part.
+// [1] T. Ge, K. He, Q. Ke, J. Sun, Optimized Product Quantization, CVPR 2013.
+std::vector<std::int8_t> BalancedRotation(const Eigen::MatrixXd& covariance, int parts) {
+  const int dim = static_cast<int>(covariance.rows());
+  const int piece = dim / parts;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
+  std::vector<double> log_volume(parts, 0.0);
+  std::vector<std::vector<int>> directions(parts);
+  for (int d = dim - 1; d >= 0; --d) {  // the widest first
+    int best = -1;
+    for (int p = 0; p < parts; ++p) {
+      const bool full = static_cast<int>(directions[p].size()) == piece;
+      if (!full && (best < 0 || log_volume[p] < log_volume[best])) best = p;
+    }
+    directions[best].push_back(d);
+    log_volume[best] += std::log(std::max(solver.eigenvalues()(d), 1e-3));
+  }
+  std::vector<std::int8_t> rotation;
+  for (const std::vector<int>& of_part : directions) {
+    for (const int d : of_part) {
+      for (int i = 0; i < dim; ++i) {
+        rotation.push_back(
+            static_cast<std::int8_t>(std::lround(127.0 * solver.eigenvectors()(i, d))));
+      }
+    }
+  }
+  return rotation;
+}
+
+// What the evidence of a held-out frame was.
+struct HeldOutFrame {
+  std::vector<float> evidence;  // [locations]
+  std::vector<float> likeness;  // [locations]
+  int location_idx = -1;        // the right one; -1: the frame was not asked
+};
+
+std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames, float likeness_weight) {
+  std::vector<Outcome> outcomes;
+  for (const HeldOutFrame& frame : frames) {
+    if (frame.location_idx < 0) continue;
+    std::vector<float> scores(frame.evidence.size());
+    ScorePlaces(frame.evidence, frame.likeness, likeness_weight, scores);
+    const BestPlace best = FindBestPlace(frame.evidence, scores);
+    outcomes.push_back({best.margin, best.location_idx == frame.location_idx});
+  }
+  return outcomes;
+}
+
+// The weight with which margins tell best whether the location is right.
+float ChooseLikenessWeight(const std::vector<HeldOutFrame>& frames) {
+  constexpr float kWeights[] = {0.0F, 1.5F, 3.0F, 4.5F, 6.0F, 9.0F};
+  float best = 0;
+  double least = std::numeric_limits<double>::infinity();
+  for (const float weight : kWeights) {
+    const std::vector<Outcome> outcomes = OutcomesOf(frames, weight);
+    const double loss = LogLoss(outcomes, FitConfidence(outcomes));
+    if (loss < least) {
+      least = loss;
+      best = weight;
+    }
+  }
+  return best;
+}
+
 class DetailTrainer {
  public:
   DetailTrainer(const DetailSource& source, const DetailOptions& options)
@@ -37,15 +116,19 @@ class DetailTrainer {
   TrainedDetails Train(const Progress& progress) {
     TrainedDetails trained;
     AssignWords();
-    if (!MakeCodebook()) return trained;
+    if (!TurnDescriptors()) return trained;
+    MakeCodebook();
     Encode(progress);
     ListFeatures();
+    FindCommon();
     const std::vector<bool> all(source_.image_idxs.size(), true);
     for (double merge = options_.merge_distance; merge <= kMaxMergeDistance; merge += kMergeStep) {
       ModelData::DetailsData table = MakeTable(all, merge);
-      if (table.location.size() * (options_.parts + 2) > options_.max_bytes) continue;
+      if (table.codes.size() + table.list_size.size() > options_.max_bytes) continue;
+      const std::vector<HeldOutFrame> frames = HoldOut(merge);
+      table.likeness_weight = ChooseLikenessWeight(frames);
+      trained.held_out = OutcomesOf(frames, table.likeness_weight);
       trained.table = std::move(table);
-      trained.held_out = HoldOut(merge);
       break;
     }
     return trained;
@@ -55,8 +138,9 @@ class DetailTrainer {
   const ImageFeatures& Image(int sample) const {
     return source_.features.images[source_.image_idxs[sample]];
   }
-  const std::int8_t* Descriptor(const Feature& f) const {
-    return Image(f.sample).descriptors.data() + std::size_t(f.idx) * dim_;
+  int NumFeatures(int sample) const { return static_cast<int>(Image(sample).keypoints.size()); }
+  const std::int8_t* Turned(const Feature& f) const {
+    return turned_[f.sample].data() + std::size_t(f.idx) * dim_;
   }
   int NumSamples() const { return static_cast<int>(source_.image_idxs.size()); }
   int NumWords() const { return static_cast<int>(source_.words.size()) / dim_; }
@@ -73,32 +157,70 @@ class DetailTrainer {
     });
   }
 
-  void Rest(const Feature& f, std::int8_t* rest) const {
-    SubtractWord(Descriptor(f), source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_, rest);
-  }
-
-  // False: too few features to make one of.
-  bool MakeCodebook() {
-    codebook_.assign(source_.codebook.begin(), source_.codebook.end());
-    if (!codebook_.empty()) return true;
+  // A sample of all features, evenly.
+  std::vector<Feature> SomeFeatures() const {
     std::size_t total = 0;
     for (int s = 0; s < NumSamples(); ++s) total += Image(s).keypoints.size();
     const std::size_t step = std::max<std::size_t>(1, total / kCodebookSamples);
+    std::vector<Feature> some;
+    std::size_t count = 0;
+    for (int s = 0; s < NumSamples(); ++s) {
+      for (int i = 0; i < NumFeatures(s); ++i) {
+        if (count++ % step == 0) some.push_back({s, i});
+      }
+    }
+    return some;
+  }
+
+  // False: too few features to make a codebook of.
+  bool TurnDescriptors() {
+    const std::vector<Feature> some = SomeFeatures();
+    if (some.size() < kCodesOfPart) return false;
+    Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(dim_, dim_);
+    std::vector<std::int8_t> rest(dim_);
+    for (const Feature& f : some) {
+      SubtractWord(Image(f.sample).descriptors.data() + std::size_t(f.idx) * dim_,
+                   source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_, rest.data());
+      const Eigen::VectorXd r =
+          Eigen::Map<const Eigen::Matrix<std::int8_t, Eigen::Dynamic, 1>>(rest.data(), dim_)
+              .cast<double>();
+      covariance += r * r.transpose();
+    }
+    rotation_ = BalancedRotation(covariance / static_cast<double>(some.size()), options_.parts);
+    if (!source_.rotation.empty()) {
+      rotation_.assign(source_.rotation.begin(), source_.rotation.end());
+    }
+    turned_words_ = TurnAll(source_.words);
+    turned_.resize(NumSamples());
+    ParallelFor(NumSamples(), options_.jobs,
+                [&](int s) { turned_[s] = TurnAll(Image(s).descriptors); });
+    return true;
+  }
+
+  std::vector<std::int8_t> TurnAll(std::span<const std::int8_t> descriptors) const {
+    std::vector<std::int8_t> turned(descriptors.size());
+    for (std::size_t i = 0; i < descriptors.size(); i += dim_) {
+      TurnDescriptor(rotation_, descriptors.data() + i, dim_, turned.data() + i);
+    }
+    return turned;
+  }
+
+  void Rest(const Feature& f, std::int8_t* rest) const {
+    SubtractWord(Turned(f), turned_words_.data() + std::size_t(WordOf(f)) * dim_, dim_, rest);
+  }
+
+  void MakeCodebook() {
+    codebook_.assign(source_.codebook.begin(), source_.codebook.end());
+    if (!codebook_.empty()) return;
     const int piece = dim_ / options_.parts;
     std::vector<std::vector<std::int8_t>> pieces(options_.parts);
     std::vector<std::int8_t> rest(dim_);
-    std::size_t count = 0;
-    for (int s = 0; s < NumSamples(); ++s) {
-      for (int i = 0; i < static_cast<int>(Image(s).keypoints.size()); ++i) {
-        if (count++ % step != 0) continue;
-        Rest({s, i}, rest.data());
-        for (int p = 0; p < options_.parts; ++p) {
-          pieces[p].insert(pieces[p].end(), rest.begin() + p * piece,
-                           rest.begin() + (p + 1) * piece);
-        }
+    for (const Feature& f : SomeFeatures()) {
+      Rest(f, rest.data());
+      for (int p = 0; p < options_.parts; ++p) {
+        pieces[p].insert(pieces[p].end(), rest.begin() + p * piece, rest.begin() + (p + 1) * piece);
       }
     }
-    if (pieces[0].size() / piece < kCodesOfPart) return false;
     for (int p = 0; p < options_.parts; ++p) {
       const KMeansOptions clustering = {.num_words = kCodesOfPart,
                                         .seed = static_cast<std::uint64_t>(p) + 1,
@@ -106,7 +228,6 @@ class DetailTrainer {
       const auto centres = ClusterDescriptors(pieces[p], piece, clustering).words;
       codebook_.insert(codebook_.end(), centres.begin(), centres.end());
     }
-    return true;
   }
 
   void Encode(const Progress& progress) {
@@ -118,10 +239,9 @@ class DetailTrainer {
     }
     codes_.resize(NumSamples());
     const auto encode = [&](int s) {
-      const int n = static_cast<int>(Image(s).keypoints.size());
       std::vector<std::int8_t> rest(dim_);
-      codes_[s].resize(std::size_t(n) * options_.parts);
-      for (int i = 0; i < n; ++i) {
+      codes_[s].resize(std::size_t(NumFeatures(s)) * options_.parts);
+      for (int i = 0; i < NumFeatures(s); ++i) {
         Rest({s, i}, rest.data());
         for (int p = 0; p < options_.parts; ++p) {
           std::uint16_t code = 0;
@@ -136,7 +256,7 @@ class DetailTrainer {
   void ListFeatures() {
     lists_.resize(2 * std::size_t(NumWords()));
     for (int s = 0; s < NumSamples(); ++s) {
-      for (int i = 0; i < static_cast<int>(Image(s).keypoints.size()); ++i) {
+      for (int i = 0; i < NumFeatures(s); ++i) {
         const int dark = Image(s).keypoints[i].laplacian_sign < 0 ? 1 : 0;
         lists_[2 * WordOf({s, i}) + dark].push_back({s, i});
       }
@@ -148,15 +268,52 @@ class DetailTrainer {
     }
   }
 
-  bool AreAlike(const Feature& a, const Feature& b, double merge2) const {
-    const std::int8_t* x = Descriptor(a);
-    const std::int8_t* y = Descriptor(b);
-    std::int32_t distance2 = 0;
-    for (int i = 0; i < dim_; ++i) {
-      const std::int32_t difference = x[i] - y[i];
-      distance2 += difference * difference;
+  bool AreAlike(const Feature& a, const Feature& b, double distance2) const {
+    return Distance2(Turned(a), Turned(b), dim_) < distance2;
+  }
+
+  // Takes out of every list what many locations have, one of each kind kept aside.
+  void FindCommon() {
+    common_.resize(lists_.size());
+    ParallelFor(static_cast<int>(lists_.size()), options_.jobs, [&](int l) { TakeCommon(l); });
+  }
+
+  void TakeCommon(int l) {
+    std::vector<Feature>& list = lists_[l];
+    std::vector<bool> taken(list.size(), false);
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (taken[i]) continue;
+      const std::vector<std::size_t> alike = AlikeAndLeft(list, taken, list[i]);
+      if (LocationsOf(list, alike) < options_.common_locations) continue;
+      for (const std::size_t j : alike) taken[j] = true;
+      common_[l].push_back(list[i]);
     }
-    return distance2 < merge2;
+    std::size_t left = 0;
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      if (!taken[i]) list[left++] = list[i];
+    }
+    list.resize(left);
+  }
+
+  std::vector<std::size_t> AlikeAndLeft(const std::vector<Feature>& list,
+                                        const std::vector<bool>& taken, const Feature& f) const {
+    const double distance2 = options_.common_distance * options_.common_distance;
+    std::vector<std::size_t> alike;
+    for (std::size_t j = 0; j < list.size(); ++j) {
+      if (!taken[j] && AreAlike(f, list[j], distance2)) alike.push_back(j);
+    }
+    return alike;
+  }
+
+  // How many there are among `members` of a list, which is in order of locations.
+  int LocationsOf(const std::vector<Feature>& list, const std::vector<std::size_t>& members) const {
+    int count = 0, last = -1;
+    for (const std::size_t j : members) {
+      const int location = source_.locations[list[j].sample];
+      count += location != last ? 1 : 0;
+      last = location;
+    }
+    return count;
   }
 
   // Of a list, those used, the first of those that are alike within a location.
@@ -176,17 +333,28 @@ class DetailTrainer {
   }
 
   ModelData::DetailsData MakeTable(const std::vector<bool>& used, double merge) const {
-    std::vector<std::vector<Feature>> kept(lists_.size());
-    ParallelFor(static_cast<int>(lists_.size()), options_.jobs,
+    const std::size_t lists = lists_.size();
+    std::vector<std::vector<Feature>> kept(lists);
+    ParallelFor(static_cast<int>(lists), options_.jobs,
                 [&](int l) { kept[l] = Distinct(lists_[l], used, merge * merge); });
-    ModelData::DetailsData table{options_.parts, codebook_, {0}, {}, {}};
-    for (const std::vector<Feature>& list : kept) {
-      for (const Feature& f : list) {
-        table.location.push_back(static_cast<std::uint16_t>(source_.locations[f.sample]));
+    std::vector<std::vector<Feature>> by_location(std::size_t(source_.num_locations) + 1);
+    std::vector<std::uint8_t> list_size(by_location.size() * lists, 0);
+    const auto add = [&](int location, std::size_t list, const Feature& f) {
+      std::uint8_t& size = list_size[location * lists + list];
+      if (size == 255) return;
+      ++size;
+      by_location[location].push_back(f);
+    };
+    for (std::size_t l = 0; l < lists; ++l) {
+      for (const Feature& f : kept[l]) add(source_.locations[f.sample], l, f);
+      for (const Feature& f : common_[l]) add(source_.num_locations, l, f);
+    }
+    ModelData::DetailsData table{options_.parts, rotation_, codebook_, std::move(list_size), {}, 0};
+    for (const std::vector<Feature>& of_location : by_location) {
+      for (const Feature& f : of_location) {
         const auto code = codes_[f.sample].begin() + std::size_t(f.idx) * options_.parts;
         table.codes.insert(table.codes.end(), code, code + options_.parts);
       }
-      table.list_begin.push_back(static_cast<std::uint32_t>(table.location.size()));
     }
     return table;
   }
@@ -202,47 +370,61 @@ class DetailTrainer {
     return fold;
   }
 
-  std::vector<Outcome> HoldOut(double merge) const {
+  std::vector<float> LikenessOf(int frame, const std::vector<bool>& used) const {
+    std::vector<float> likeness(source_.num_locations, kNoSimilarity);
+    for (int k = 0; k < NumSamples(); ++k) {
+      float& best = likeness[source_.locations[k]];
+      if (used[k]) best = std::max(best, source_.similarities(k, frame));
+    }
+    return likeness;
+  }
+
+  // Common details stay those of all images: what four locations have, three have without a frame.
+  std::vector<HeldOutFrame> HoldOut(double merge) const {
     const std::vector<int> fold_of_sample = FoldOfSample();
-    std::vector<Outcome> outcomes(NumSamples());
+    std::vector<HeldOutFrame> frames(NumSamples());
+    int most_features = 0;
+    for (int s = 0; s < NumSamples(); ++s) most_features = std::max(most_features, NumFeatures(s));
     for (int fold = 0; fold < options_.folds; ++fold) {
       std::vector<bool> used;
       for (const int f : fold_of_sample) used.push_back(f != fold);
       const ModelData::DetailsData table = MakeTable(used, merge);
-      const ModelDetails details = {static_cast<int>(table.location.size()),
+      const ModelDetails details = {static_cast<int>(table.codes.size()) / table.parts,
                                     table.parts,
+                                    table.rotation,
                                     table.codebook,
-                                    table.list_begin,
-                                    table.location,
-                                    table.codes};
+                                    table.list_size,
+                                    table.codes,
+                                    0};
       std::vector<std::unique_ptr<PlaceEvidence>> weighers(Workers(options_.jobs));
       for (auto& weigher : weighers) {
-        weigher =
-            std::make_unique<PlaceEvidence>(source_.words, dim_, details, source_.num_locations);
+        weigher = std::make_unique<PlaceEvidence>(source_.words, dim_, details,
+                                                  source_.num_locations, most_features);
       }
       ParallelForWorkers(NumSamples(), options_.jobs, [&](int s, int worker) {
         if (used[s]) return;
         PlaceEvidence& weigher = *weighers[worker];
         weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
                       source_.words_per_feature);
-        const PlaceEvidence::Best best = weigher.FindBest();
-        outcomes[s] = {best.margin, best.location_idx == source_.locations[s]};
+        frames[s] = {{weigher.evidence().begin(), weigher.evidence().end()},
+                     LikenessOf(s, used),
+                     source_.locations[s]};
       });
     }
-    std::vector<Outcome> asked;
-    for (int s = 0; s < NumSamples(); ++s) {
-      if (fold_of_sample[s] >= 0) asked.push_back(outcomes[s]);
-    }
-    return asked;
+    return frames;
   }
 
   const DetailSource& source_;
   const DetailOptions& options_;
   int dim_;
   std::vector<std::vector<std::uint16_t>> words_;  // [samples][features, words_per_feature]
+  std::vector<std::int8_t> rotation_;              // [dim, dim]
+  std::vector<std::int8_t> turned_words_;          // [words, dim]
+  std::vector<std::vector<std::int8_t>> turned_;   // [samples][features, dim]
   std::vector<std::int8_t> codebook_;
   std::vector<std::vector<std::uint8_t>> codes_;  // [samples][features, parts]
-  std::vector<std::vector<Feature>> lists_;       // [2 words] by location
+  std::vector<std::vector<Feature>> lists_;       // [2 words] by location, without common ones
+  std::vector<std::vector<Feature>> common_;      // [2 words]
 };
 
 }  // namespace

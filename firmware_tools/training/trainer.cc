@@ -237,7 +237,9 @@ std::vector<int> AddKeyframes(const ImageSet& set, const TrainOptions& options,
             : std::nullopt;
     model.keyframe_pair.push_back(static_cast<std::uint16_t>(labels.pair[s]));
     model.keyframe_words.insert(model.keyframe_words.end(), h.words.begin(), h.words.end());
-    model.keyframe_counts.insert(model.keyframe_counts.end(), h.counts.begin(), h.counts.end());
+    for (const std::uint8_t count : h.counts) {
+      model.keyframe_counts.push_back(std::min<std::uint8_t>(count, kMaxKeyframeCount));
+    }
     model.keyframe_word_begin.push_back(static_cast<std::uint32_t>(model.keyframe_words.size()));
     model.keyframe_has_pose.push_back(pose ? 1 : 0);
     model.keyframe_pose.push_back(PoseRow(pose));
@@ -269,7 +271,8 @@ ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
 Json DetailsAsJson(const TrainedDetails& details) {
   const auto right = std::count_if(details.held_out.begin(), details.held_out.end(),
                                    [](const Outcome& o) { return o.right; });
-  return {{"details", details.table.location.size()},
+  return {{"details", details.table.codes.size() / details.table.parts},
+          {"likeness_weight", details.table.likeness_weight},
           {"held_out", details.held_out.size()},
           {"right", right}};
 }
@@ -279,16 +282,16 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
                           const StageProgress& stages, ModelData& model) {
   if (!model.landmark_position.empty() || options.details.max_bytes == 0) return {};
   const Labels& labels = prepared.labels;
-  DetailSource source = {prepared.features,
-                         labels.image_idxs,
-                         labels.location,
-                         static_cast<int>(labels.locations.size()),
-                         prepared.words,
-                         WordsPerFeature(options),
-                         {}};
-  if (options.base) source.codebook = options.base->data.details.codebook;
+  DetailSource source = {prepared.features,    labels.image_idxs,
+                         labels.location,      static_cast<int>(labels.locations.size()),
+                         prepared.words,       WordsPerFeature(options),
+                         prepared.similarities};
+  if (options.base) {
+    source.rotation = options.base->data.details.rotation;
+    source.codebook = options.base->data.details.codebook;
+  }
   TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
-  if (details.table.location.empty() || details.held_out.empty()) return {};
+  if (details.table.codes.empty() || details.held_out.empty()) return {};
   model.details = details.table;
   model.confidence = FitConfidence(details.held_out);
   LimitWrongAnswers(details.held_out, options.details.wrong_share, model.confidence);
@@ -421,7 +424,7 @@ void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& opti
       static_cast<int>(frozen.words.size()) / std::max(1, frozen.features.descriptor_dim);
   options.words_per_feature = frozen.words_per_feature;
   options.histogram_map = frozen.histogram_map;
-  if (!frozen.details.location.empty()) options.details.parts = frozen.details.parts;
+  if (!frozen.details.codes.empty()) options.details.parts = frozen.details.parts;
   const Json record = Json::parse(frozen.record, nullptr, false);
   const Json chosen = record.is_object() ? record.value("chosen", Json::object()) : Json::object();
   if (chosen.is_object()) {

@@ -37,7 +37,6 @@ TEST(ModelView, ReadsWhatWasWritten) {
   EXPECT_THAT(view->vocabulary().words, ::testing::ElementsAreArray(data.words));
   EXPECT_THAT(view->scoring().weights, ::testing::ElementsAreArray(data.weights));
   EXPECT_THAT(view->scoring().bias, ::testing::ElementsAreArray(data.bias));
-  EXPECT_THAT(view->keyframes().counts, ::testing::ElementsAreArray(data.keyframe_counts));
   EXPECT_EQ(view->location_name(1), data.locations[1]);
   EXPECT_EQ(view->view_name(0), data.views[0]);
   EXPECT_EQ(view->record(), data.record);
@@ -157,12 +156,67 @@ TEST(ModelView, ReadsDetails) {
   const ModelView view = *ModelView::Open(*file);
   ASSERT_TRUE(view.has_details());
   const ModelDetails& details = view.details();
-  EXPECT_EQ(details.size, static_cast<int>(data.details.location.size()));
+  EXPECT_EQ(details.size * details.parts, static_cast<int>(data.details.codes.size()));
   EXPECT_EQ(details.parts, data.details.parts);
+  EXPECT_THAT(details.rotation, ::testing::ElementsAreArray(data.details.rotation));
   EXPECT_THAT(details.codebook, ::testing::ElementsAreArray(data.details.codebook));
-  EXPECT_THAT(details.list_begin, ::testing::ElementsAreArray(data.details.list_begin));
-  EXPECT_THAT(details.location, ::testing::ElementsAreArray(data.details.location));
+  EXPECT_THAT(details.list_size, ::testing::ElementsAreArray(data.details.list_size));
   EXPECT_THAT(details.codes, ::testing::ElementsAreArray(data.details.codes));
+  EXPECT_EQ(details.likeness_weight, data.details.likeness_weight);
+}
+
+// Words, and how often each occurs, of keyframe k.
+std::vector<std::pair<int, int>> WordsOf(const ModelKeyframes& keyframes, int k) {
+  std::vector<std::pair<int, int>> words;
+  int word = -1;
+  for (std::uint32_t j = keyframes.word_begin[k]; j < keyframes.word_begin[k + 1]; ++j) {
+    word += StepOf(keyframes.words[j]);
+    const int count = CountOf(keyframes.words[j]);
+    if (count > 0) words.emplace_back(word, count);
+  }
+  return words;
+}
+
+TEST(ModelView, ReadsKeyframesWords) {
+  ModelData data = TinyModelData();
+  data.keyframe_word_begin = {0, 3};
+  data.keyframe_words = {0, 1, 31};
+  data.keyframe_counts = {1, 200, 7};
+  const int keyframes = static_cast<int>(data.keyframe_pair.size());
+  for (int k = 1; k < keyframes; ++k) {
+    data.keyframe_words.push_back(31);
+    data.keyframe_counts.push_back(2);
+    data.keyframe_word_begin.push_back(static_cast<std::uint32_t>(data.keyframe_words.size()));
+  }
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const ModelView view = *ModelView::Open(*file);
+  using ::testing::ElementsAre;
+  using ::testing::Pair;
+  EXPECT_THAT(WordsOf(view.keyframes(), 0), ElementsAre(Pair(0, 1), Pair(1, 7), Pair(31, 7)));
+  for (int k = 1; k < keyframes; ++k) {
+    EXPECT_THAT(WordsOf(view.keyframes(), k), ElementsAre(Pair(31, 2)));
+  }
+}
+
+TEST(ModelView, ReadsWordsThatLieFarApart) {
+  ModelData data = TinyModelData();
+  const std::size_t dim = data.features.descriptor_dim;
+  data.words.resize(1000 * dim, 1);
+  data.weights.resize(1000 * data.pair_location.size(), 1);
+  for (std::size_t k = 0; k + 1 < data.keyframe_word_begin.size(); ++k) {
+    data.keyframe_words[data.keyframe_word_begin[k + 1] - 1] = 999;
+  }
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const ModelView view = *ModelView::Open(*file);
+  for (int k = 0; k < view.keyframes().size; ++k) {
+    std::vector<std::pair<int, int>> expected;
+    for (std::uint32_t j = data.keyframe_word_begin[k]; j < data.keyframe_word_begin[k + 1]; ++j) {
+      expected.emplace_back(data.keyframe_words[j], data.keyframe_counts[j]);
+    }
+    EXPECT_EQ(WordsOf(view.keyframes(), k), expected);
+  }
 }
 
 TEST(ModelView, TinyModelsHaveNoLandmarks) {
@@ -258,14 +312,16 @@ TEST_P(WholeModel, SurvivesHostileBytesBehindAMatchingHash) {
       ASSERT_LT(view->scoring().pair_location[p], view->scoring().num_locations);
       ASSERT_LT(view->scoring().pair_view[p], view->scoring().num_views);
     }
-    for (const std::uint16_t l : view->details().location) {
-      ASSERT_LT(l, view->scoring().num_locations);
+    for (int k = 0; k < view->keyframes().size; ++k) {
+      for (const auto& [word, count] : WordsOf(view->keyframes(), k)) {
+        ASSERT_LT(word, view->vocabulary().num_words);
+      }
     }
     for (const std::uint32_t l : view->keyframes().landmarks) {
       ASSERT_LT(view->MapOf(l), view->landmarks().num_maps);
     }
   }
-  EXPECT_GT(refused, 300);
+  EXPECT_GT(refused, 150);
 }
 
 struct Broken {
@@ -434,20 +490,16 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"parts_do_not_divide", [](ModelData& d) { d.details.parts = 3; }},
         Broken{"codebook_short", [](ModelData& d) { d.details.codebook.pop_back(); }},
         Broken{"no_codebook", [](ModelData& d) { d.details.codebook.clear(); }},
-        Broken{"no_lists", [](ModelData& d) { d.details.list_begin.clear(); }},
-        Broken{"list_missing",
-               [](ModelData& d) { d.details.list_begin.erase(d.details.list_begin.begin() + 1); }},
-        Broken{"lists_begin_late", [](ModelData& d) { d.details.list_begin[0] = 1; }},
-        Broken{"lists_go_back",
-               [](ModelData& d) { std::swap(d.details.list_begin[1], d.details.list_begin[2]); }},
-        Broken{"list_beyond_the_end", [](ModelData& d) { d.details.list_begin[1] = 1000000; }},
-        Broken{"lists_end_early", [](ModelData& d) { --d.details.list_begin.back(); }},
-        Broken{"location_unknown", [](ModelData& d) { d.details.location.back() = 2; }},
-        Broken{"locations_descend",
-               [](ModelData& d) { std::swap(d.details.location[0], d.details.location[1]); }},
-        Broken{"location_missing", [](ModelData& d) { d.details.location.pop_back(); }},
+        Broken{"no_rotation", [](ModelData& d) { d.details.rotation.clear(); }},
+        Broken{"rotation_short", [](ModelData& d) { d.details.rotation.pop_back(); }},
+        Broken{"no_lists", [](ModelData& d) { d.details.list_size.clear(); }},
+        Broken{"list_missing", [](ModelData& d) { d.details.list_size.pop_back(); }},
+        Broken{"list_too_long", [](ModelData& d) { d.details.list_size[1] = 255; }},
+        Broken{"list_too_short", [](ModelData& d) { d.details.list_size[1] = 0; }},
+        Broken{"likeness_negative", [](ModelData& d) { d.details.likeness_weight = -1; }},
+        Broken{"likeness_nan", [](ModelData& d) { d.details.likeness_weight = kNan; }},
         Broken{"codes_short", [](ModelData& d) { d.details.codes.pop_back(); }},
-        Broken{"no_codes", [](ModelData& d) { d.details.codes.clear(); }}),
+        Broken{"codes_of_nothing", [](ModelData& d) { d.details.codes.push_back(0); }}),
     [](const auto& param) { return param.param.name; });
 
 TEST(ModelView, LandmarksOfKeyframesWithoutAMapAreRefused) {

@@ -121,16 +121,16 @@ void AddTinyDetails(ModelData& data) {
   for (std::int8_t& value : data.details.codebook) {
     value = static_cast<std::int8_t>(static_cast<int>(random() % 41) - 20);
   }
-  data.details.list_begin = {0};
-  for (int list = 0; list < 2 * kWords; ++list) {
-    for (std::uint16_t location = 0; location < 2; ++location) {
-      data.details.location.push_back(location);
-      for (int p = 0; p < 8; ++p) {
-        data.details.codes.push_back(static_cast<std::uint8_t>(random()));
-      }
-    }
-    data.details.list_begin.push_back(static_cast<std::uint32_t>(data.details.location.size()));
-  }
+  data.details.rotation = NoRotation(data.features.descriptor_dim);
+  data.details.list_size.assign(std::size_t{3} * 2 * kWords, 1);
+  data.details.codes.resize(data.details.list_size.size() * 8);
+  for (std::uint8_t& code : data.details.codes) code = static_cast<std::uint8_t>(random());
+}
+
+std::vector<std::int8_t> NoRotation(int dim) {
+  std::vector<std::int8_t> rotation(std::size_t(dim) * dim, 0);
+  for (int i = 0; i < dim; ++i) rotation[std::size_t(i) * dim + i] = 127;
+  return rotation;
 }
 
 std::vector<std::uint8_t> TinyModel() { return OrEnd(WriteModel(TinyModelData())); }

@@ -24,7 +24,9 @@ void AddTinyMaps(ModelData& data);
 // Adds a plan of 20 x 10 pixels; no more of its picture than the beginning of a PNG.
 void AddTinyFloorPlan(ModelData& data);
 
-// Adds random details, two for each list, one of either location.
+// Adds random details, three for each list: one of either location and a common one.
 void AddTinyDetails(ModelData& data);
+// The rotation of details that leaves descriptors as they are.
+std::vector<std::int8_t> NoRotation(int dim);
 
 }  // namespace viewfix

@@ -242,20 +242,21 @@ ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
   Vocabulary(data.words, dim).NearestWords(features.descriptors(), 1, words);
   data.details.parts = 1;  // a code for each feature
   data.details.codebook.resize(std::size_t{kCodesOfPart} * dim);
-  data.details.list_begin = {0};
-  for (int list = 0; list < 2 * static_cast<int>(data.words.size()) / dim; ++list) {
+  data.details.rotation = NoRotation(dim);
+  const int lists = 2 * static_cast<int>(data.words.size()) / dim;
+  data.details.list_size.assign(std::size_t{3} * lists, 0);
+  for (int list = 0; list < lists; ++list) {
     for (int i = 0; i < features.size(); ++i) {
       const int dark = features.keypoints()[i].laplacian_sign < 0 ? 1 : 0;
       if (2 * words[i] + dark != list) continue;
-      const std::size_t code = data.details.location.size();
+      const std::size_t code = data.details.codes.size();
       for (int b = 0; b < dim; ++b) {
         data.details.codebook[code * dim + b] = static_cast<std::int8_t>(
             features.descriptor(i)[b] - data.words[std::size_t(words[i]) * dim + b]);
       }
-      data.details.location.push_back(1);
+      ++data.details.list_size[lists + list];
       data.details.codes.push_back(static_cast<std::uint8_t>(code));
     }
-    data.details.list_begin.push_back(static_cast<std::uint32_t>(data.details.location.size()));
   }
   return data;
 }

@@ -5,8 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <vector>
+
+#include "tests/testing/tiny_model.h"
 
 namespace viewfix {
 namespace {
@@ -16,6 +19,7 @@ using ::testing::Each;
 constexpr int kDim = 4;
 constexpr int kLocations = 3;
 constexpr int kMaxFeatures = 64;
+constexpr int kDetails = (kLocations + 1) * 16;
 
 std::vector<int> Row(const std::int8_t* row) { return {row, row + kDim}; }
 
@@ -28,22 +32,16 @@ struct Site {
     };
     for (int i = 0; i < 2 * kDim; ++i) words.push_back(byte(40));
     for (int i = 0; i < kCodesOfPart * kDim; ++i) codebook.push_back(byte(20));
-    for (int list = 0; list < 4; ++list) {
-      for (int i = 0; i < 12; ++i) {
-        location.push_back(static_cast<std::uint16_t>(i / 4));
-        for (int p = 0; p < 2; ++p) codes.push_back(static_cast<std::uint8_t>(random()));
-      }
-      list_begin.push_back(static_cast<std::uint32_t>(location.size()));
-    }
+    for (int i = 0; i < kDetails * 2; ++i) codes.push_back(static_cast<std::uint8_t>(random()));
   }
 
-  ModelDetails View() const {
-    return {static_cast<int>(location.size()), 2, codebook, list_begin, location, codes};
-  }
+  ModelDetails View() const { return {kDetails, 2, rotation, codebook, list_size, codes, 0}; }
   PlaceEvidence Evidence() const { return {words, kDim, View(), kLocations, kMaxFeatures}; }
 
-  int WordOf(int detail) const { return detail / 24; }
-  bool IsDark(int detail) const { return detail / 12 % 2 == 1; }
+  // Four of each location (the last stands for the common ones) in each of four lists.
+  static int LocationOf(int detail) { return detail / 16; }
+  static int WordOf(int detail) { return detail / 8 % 2; }
+  static bool IsDark(int detail) { return detail / 4 % 2 == 1; }
   std::vector<int> Descriptor(int detail) const {
     std::vector<int> sum = Row(words.data() + std::size_t(WordOf(detail)) * kDim);
     for (int i = 0; i < kDim; ++i) {
@@ -54,12 +52,12 @@ struct Site {
   }
 
   // As the header says it, over whole descriptors.
-  std::vector<std::int32_t> Expected(const std::vector<std::int8_t>& descriptors,
-                                     const std::vector<Keypoint>& keypoints) const {
-    std::vector<std::int32_t> evidence(kLocations, 0);
+  std::vector<float> Expected(const std::vector<std::int8_t>& descriptors,
+                              const std::vector<Keypoint>& keypoints) const {
+    std::vector<float> evidence(kLocations + 1, 0);
     for (std::size_t q = 0; q < keypoints.size(); ++q) {
-      std::vector<std::int32_t> nearest(kLocations, PlaceEvidence::kFar * PlaceEvidence::kFar);
-      for (int d = 0; d < static_cast<int>(location.size()); ++d) {
+      std::vector<std::int32_t> nearest(kLocations + 1, PlaceEvidence::kFar * PlaceEvidence::kFar);
+      for (int d = 0; d < kDetails; ++d) {
         if (IsDark(d) != (keypoints[q].laplacian_sign < 0)) continue;
         const std::vector<int> detail = Descriptor(d);
         std::int32_t distance2 = 0;
@@ -67,20 +65,22 @@ struct Site {
           const int difference = descriptors[q * kDim + i] - detail[i];
           distance2 += difference * difference;
         }
-        nearest[location[d]] = std::min(nearest[location[d]], distance2);
+        nearest[LocationOf(d)] = std::min(nearest[LocationOf(d)], distance2);
       }
       const auto best = std::min_element(nearest.begin(), nearest.end());
       std::vector<std::int32_t> sorted = nearest;
       std::sort(sorted.begin(), sorted.end());
-      evidence[best - nearest.begin()] += sorted[1] - sorted[0];
+      const float gap = static_cast<float>(sorted[1] - sorted[0]) / PlaceEvidence::kUnit;
+      evidence[best - nearest.begin()] += gap * std::sqrt(gap);
     }
+    evidence.pop_back();  // the common details speak for nobody
     return evidence;
   }
 
   std::vector<std::int8_t> words;
+  std::vector<std::int8_t> rotation = NoRotation(kDim);
   std::vector<std::int8_t> codebook;
-  std::vector<std::uint32_t> list_begin = {0};
-  std::vector<std::uint16_t> location;
+  std::vector<std::uint8_t> list_size = std::vector<std::uint8_t>((kLocations + 1) * 4, 4);
   std::vector<std::uint8_t> codes;
 };
 
@@ -113,19 +113,46 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
   EXPECT_GT(*std::max_element(evidence.evidence().begin(), evidence.evidence().end()), 0);
 }
 
+// A query that is the detail `d` itself.
+std::vector<std::int8_t> QueryOf(const Site& site, int d) {
+  std::vector<std::int8_t> descriptor;
+  for (const int value : site.Descriptor(d)) descriptor.push_back(static_cast<std::int8_t>(value));
+  return descriptor;
+}
+
 TEST(PlaceEvidence, WhatEveryLocationHasSaysNothing) {
   Site site;
-  for (int d = 0; d < static_cast<int>(site.location.size()); ++d) {
-    std::fill_n(site.codes.begin() + std::size_t(d) * 2, 2, std::uint8_t{7});
-  }
+  std::fill(site.codes.begin(), site.codes.end(), std::uint8_t{7});
   PlaceEvidence evidence = site.Evidence();
-  std::vector<std::int8_t> descriptor;
-  for (const int value : site.Descriptor(0)) descriptor.push_back(static_cast<std::int8_t>(value));
-  const std::vector<Keypoint> keypoint(1);
-  evidence.Weigh(descriptor, keypoint, kBothWords, 2);
+  evidence.Weigh(QueryOf(site, 0), std::vector<Keypoint>(1), kBothWords, 2);
   EXPECT_THAT(evidence.evidence(), Each(0));
-  EXPECT_EQ(evidence.FindBest().location_idx, -1);
-  EXPECT_EQ(evidence.FindBest().margin, 0);
+  EXPECT_EQ(FindBestPlace(evidence.evidence(), evidence.evidence()).location_idx, -1);
+}
+
+TEST(PlaceEvidence, ACommonDetailSaysNothing) {
+  const Site site;
+  PlaceEvidence evidence = site.Evidence();
+  const int common = kLocations * 16;
+  evidence.Weigh(QueryOf(site, common), std::vector<Keypoint>(1), kBothWords, 2);
+  EXPECT_THAT(evidence.evidence(), Each(0));
+  evidence.Weigh(QueryOf(site, 0), std::vector<Keypoint>(1), kBothWords, 2);
+  EXPECT_GT(evidence.evidence()[0], 0);
+}
+
+// Details in a turned space say the same of descriptors and words that lie in the old one.
+TEST(PlaceEvidence, ComparesTurnedDescriptors) {
+  const Site site;
+  Site swapped = site;  // the first two directions change places
+  std::swap_ranges(swapped.rotation.begin(), swapped.rotation.begin() + kDim,
+                   swapped.rotation.begin() + kDim);
+  for (std::size_t code = 0; code < kCodesOfPart; ++code) {
+    std::swap(swapped.codebook[code * 2], swapped.codebook[code * 2 + 1]);
+  }
+  PlaceEvidence plain = site.Evidence(), turned = swapped.Evidence();
+  const std::vector<Keypoint> keypoint(1);
+  plain.Weigh(QueryOf(site, 5), keypoint, kBothWords, 2);
+  turned.Weigh(QueryOf(site, 5), keypoint, kBothWords, 2);
+  EXPECT_THAT(turned.evidence(), ::testing::ElementsAreArray(plain.evidence()));
 }
 
 TEST(PlaceEvidence, WithoutFeaturesThereIsNone) {
@@ -134,6 +161,32 @@ TEST(PlaceEvidence, WithoutFeaturesThereIsNone) {
   evidence.Weigh({}, {}, {}, 2);
   EXPECT_THAT(evidence.evidence(), Each(0));
   EXPECT_THAT(evidence.votes(), Each(0));
+}
+
+TEST(ScorePlaces, ALikeViewCountsAgainstALocation) {
+  const std::vector<float> evidence = {9, 9, 4};
+  const std::vector<float> likeness = {0.5F, 0.25F, 0};
+  std::vector<float> scores(3);
+  ScorePlaces(evidence, likeness, 2, scores);
+  EXPECT_THAT(scores, ::testing::ElementsAre(2, 2.5F, 2));
+  const BestPlace best = FindBestPlace(evidence, scores);
+  EXPECT_EQ(best.location_idx, 1);
+  EXPECT_EQ(best.margin, 0.5F);
+}
+
+TEST(FindBestPlace, NoLocationWithoutEvidenceIsBest) {
+  const std::vector<float> evidence = {0, 1};
+  const BestPlace best = FindBestPlace(evidence, std::vector<float>{5, -1});
+  EXPECT_EQ(best.location_idx, 1);
+  EXPECT_EQ(best.margin, 0);  // the other is above it: nothing speaks for this one
+}
+
+TEST(TurnDescriptor, RoundsAndCuts) {
+  const std::vector<std::int8_t> rotation = {127, 127, 64, -64};
+  const std::vector<std::int8_t> descriptor = {100, 99};
+  std::vector<std::int8_t> turned(2);
+  TurnDescriptor(rotation, descriptor.data(), 2, turned.data());
+  EXPECT_THAT(turned, ::testing::ElementsAre(127, 1));
 }
 
 }  // namespace

@@ -15,8 +15,10 @@ constexpr int kWords = 32;
 
 Histogram HistogramOf(const ModelKeyframes& keyframes, int k, HistogramMap map) {
   std::vector<std::uint16_t> words;
+  int word = -1;
   for (std::uint32_t j = keyframes.word_begin[k]; j < keyframes.word_begin[k + 1]; ++j) {
-    words.insert(words.end(), keyframes.counts[j], keyframes.words[j]);
+    word += StepOf(keyframes.words[j]);
+    words.insert(words.end(), CountOf(keyframes.words[j]), static_cast<std::uint16_t>(word));
   }
   Histogram histogram;
   HistogramBuilder(kWords, static_cast<int>(words.size()), 1, map).Build(words, histogram);

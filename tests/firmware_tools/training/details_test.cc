@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -47,7 +48,20 @@ class DetailsTest : public ::testing::Test {
   }
 
   TrainedDetails Train(const DetailOptions& options) const {
-    return TrainDetails({store_, image_idxs_, locations_, kLocations, words_, 2}, options, {});
+    const auto n = static_cast<Eigen::Index>(image_idxs_.size());
+    const Eigen::MatrixXf similarities = Eigen::MatrixXf::Zero(n, n);
+    return TrainDetails({store_, image_idxs_, locations_, kLocations, words_, 2, similarities},
+                        options, {});
+  }
+
+  static std::size_t SizeOf(const TrainedDetails& details) {
+    return std::accumulate(details.table.list_size.begin(), details.table.list_size.end(),
+                           std::size_t{0});
+  }
+  // Of all details, those that are no location's own.
+  static int CommonOf(const TrainedDetails& details) {
+    const auto& sizes = details.table.list_size;
+    return std::accumulate(sizes.end() - std::ssize(sizes) / (kLocations + 1), sizes.end(), 0);
   }
 
   std::mt19937 random_{1};
@@ -68,31 +82,43 @@ TEST_F(DetailsTest, HeldOutImagesAreFound) {
 
 TEST_F(DetailsTest, FeaturesThatLookAlikeAreOneDetail) {
   const TrainedDetails details = Train({});
-  EXPECT_LT(details.table.location.size(), 2 * kLocations * kFeatures);
+  EXPECT_LT(SizeOf(details), 2 * kLocations * kFeatures);
   const TrainedDetails all = Train({.merge_distance = 0});
-  EXPECT_EQ(all.table.location.size(), std::size_t{kLocations} * kImages * kFeatures);
+  EXPECT_EQ(SizeOf(all), std::size_t{kLocations} * kImages * kFeatures);
+}
+
+TEST_F(DetailsTest, WhatManyLocationsHaveIsCommon) {
+  EXPECT_EQ(CommonOf(Train({.common_locations = kLocations})), 0);
+  for (std::size_t s = 1; s < store_.images.size(); ++s) {  // half of each image is everywhere
+    std::copy_n(store_.images[0].descriptors.begin(), kFeatures / 2 * kDim,
+                store_.images[s].descriptors.begin());
+  }
+  const TrainedDetails details = Train({.common_locations = kLocations});
+  EXPECT_EQ(CommonOf(details), kFeatures / 2);
+  for (const Outcome& outcome : details.held_out) EXPECT_TRUE(outcome.right);
 }
 
 TEST_F(DetailsTest, FitsItsRoom) {
-  const std::size_t bytes = 1000;
+  const std::size_t bytes = 1500;
   const TrainedDetails details = Train({.max_bytes = bytes, .merge_distance = 0});
-  EXPECT_GT(details.table.location.size(), 0U);
-  EXPECT_LE(details.table.location.size() * 10, bytes);
-  EXPECT_TRUE(Train({.max_bytes = 0}).table.location.empty());
+  EXPECT_GT(SizeOf(details), 0U);
+  EXPECT_LE(SizeOf(details) * 8, bytes);
+  EXPECT_TRUE(Train({.max_bytes = 0}).table.codes.empty());
 }
 
 TEST_F(DetailsTest, ThreadsDoNotChangeThem) {
   const TrainedDetails one = Train({.jobs = 1});
   const TrainedDetails three = Train({.jobs = 3});
   EXPECT_EQ(one.table.codebook, three.table.codebook);
-  EXPECT_EQ(one.table.location, three.table.location);
+  EXPECT_EQ(one.table.rotation, three.table.rotation);
+  EXPECT_EQ(one.table.list_size, three.table.list_size);
   EXPECT_EQ(one.table.codes, three.table.codes);
 }
 
 TEST_F(DetailsTest, TooFewFeaturesGiveNone) {
   image_idxs_.resize(2);
   locations_.resize(2);
-  EXPECT_TRUE(Train({}).table.location.empty());
+  EXPECT_TRUE(Train({}).table.codes.empty());
 }
 
 }  // namespace
