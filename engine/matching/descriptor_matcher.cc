@@ -97,8 +97,7 @@ void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int
   begin[kSigns] = row;
 }
 
-DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int dim,
-                                     CpuPath path)
+DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int dim, CpuPath path)
     : dim_(dim),
       max_queries_(max_queries),
       max_candidates_(max_candidates),

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/base/cpu_path.h"
+
 namespace viewfix {
 namespace {
 
@@ -15,14 +17,33 @@ std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
   return sum;
 }
 
-// x'c for all codes c of one part, added to what is in `sums`.
-void AddProducts(const std::int8_t* x, int piece, const std::int16_t* codes, std::int32_t* sums) {
-  for (int i = 0; i < piece; ++i) {
-    const std::int16_t value = x[i];
-    const std::int16_t* row = codes + std::size_t(i) * kCodesOfPart;
-    for (int c = 0; c < kCodesOfPart; ++c) sums[c] += std::int32_t{value} * row[c];
+// table[p][c] = x_p'c for all codes c of all parts p of a descriptor x.
+//   codes [dim, kCodesOfPart], table [parts, kCodesOfPart]
+struct TableKernel {
+  VIEWFIX_KERNEL void Run(const std::int8_t* x, int parts, int piece, const std::int16_t* codes,
+                          std::int32_t* table) {
+    for (int p = 0; p < parts; ++p, table += kCodesOfPart) {
+      std::fill_n(table, kCodesOfPart, 0);
+      for (int i = 0; i < piece; ++i, codes += kCodesOfPart) {
+        const std::int16_t value = x[p * piece + i];
+        for (int c = 0; c < kCodesOfPart; ++c) table[c] += std::int32_t{value} * codes[c];
+      }
+    }
   }
-}
+};
+
+// Rotation times x: sums[i] = sum over j of columns[j][i] x_j.
+//   columns [dim, dim], sums [dim]
+struct TurnKernel {
+  VIEWFIX_KERNEL void Run(const std::int8_t* x, int dim, const std::int16_t* columns,
+                          std::int32_t* sums) {
+    std::fill_n(sums, dim, 0);
+    for (int j = 0; j < dim; ++j, columns += dim) {
+      const std::int16_t value = x[j];
+      for (int i = 0; i < dim; ++i) sums[i] += std::int32_t{value} * columns[i];
+    }
+  }
+};
 
 // The sum of what a detail's codes stand for.
 //   kParts   where the compiler is to know it and needs no loop; 0: `parts` says
@@ -36,11 +57,19 @@ std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, int 
 
 }  // namespace
 
-void TurnDescriptor(std::span<const std::int8_t> rotation, const std::int8_t* descriptor, int dim,
-                    std::int8_t* turned) {
+Turner::Turner(std::span<const std::int8_t> rotation, int dim)
+    : dim_(dim), path_(BestCpuPath()), columns_(rotation.size()), sums_(dim) {
   for (int i = 0; i < dim; ++i) {
-    const std::int32_t sum = Dot(rotation.data() + std::size_t(i) * dim, descriptor, dim);
-    const std::int32_t rounded = (sum + (sum < 0 ? -63 : 63)) / 127;
+    for (int j = 0; j < dim; ++j) {
+      columns_[std::size_t(j) * dim + i] = rotation[std::size_t(i) * dim + j];
+    }
+  }
+}
+
+void Turner::Turn(const std::int8_t* descriptor, std::int8_t* turned) {
+  RunOnPath<TurnKernel>(path_, descriptor, dim_, columns_.data(), sums_.data());
+  for (int i = 0; i < dim_; ++i) {
+    const std::int32_t rounded = (sums_[i] + (sums_[i] < 0 ? -63 : 63)) / 127;
     turned[i] = static_cast<std::int8_t>(std::clamp(rounded, -127, 127));
   }
 }
@@ -48,7 +77,9 @@ void TurnDescriptor(std::span<const std::int8_t> rotation, const std::int8_t* de
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
                              const ModelDetails& details, int num_locations, int max_features)
     : dim_(dim),
+      path_(BestCpuPath()),
       details_(details),
+      turner_(details.rotation, dim),
       common_(num_locations),
       words_(words.size()),
       codebook_(details.codebook.size()),
@@ -64,7 +95,7 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
       choices_(max_features, -1) {
   touched_.reserve(num_locations + 1);
   for (std::size_t w = 0; w < words.size(); w += dim) {
-    TurnDescriptor(details.rotation, words.data() + w, dim, words_.data() + w);
+    turner_.Turn(words.data() + w, words_.data() + w);
   }
   const int piece = dim / details.parts;
   for (int p = 0; p < details.parts; ++p) {
@@ -126,13 +157,8 @@ void PlaceEvidence::SumNorms() {
 }
 
 void PlaceEvidence::FillTable(const std::int8_t* descriptor) {
-  const int piece = dim_ / details_.parts;
-  std::fill(table_.begin(), table_.end(), 0);
-  for (int p = 0; p < details_.parts; ++p) {
-    AddProducts(descriptor + p * piece, piece,
-                codebook_.data() + std::size_t(p) * piece * kCodesOfPart,
-                table_.data() + std::size_t(p) * kCodesOfPart);
-  }
+  RunOnPath<TableKernel>(path_, descriptor, details_.parts, dim_ / details_.parts, codebook_.data(),
+                         table_.data());
 }
 
 void PlaceEvidence::CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list) {
@@ -179,7 +205,7 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
   std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    TurnDescriptor(details_.rotation, descriptors.data() + i * dim_, dim_, turned_.data());
+    turner_.Turn(descriptors.data() + i * dim_, turned_.data());
     FillTable(turned_.data());
     const std::int32_t norm2 = Dot(turned_.data(), turned_.data(), dim_);
     const int dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;

@@ -5,10 +5,26 @@
 #include <span>
 #include <vector>
 
+#include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
 #include "models/model_view.h"
 
 namespace viewfix {
+
+// A descriptor as the details' codes see it: rotation * descriptor / 127, rounded, cut to a byte.
+// Exact in integers. Allocates in the constructor only. One instance serves one thread.
+class Turner {
+ public:
+  Turner(std::span<const std::int8_t> rotation, int dim);  // [dim, dim], copied
+  //   descriptor [dim], turned [dim]
+  void Turn(const std::int8_t* descriptor, std::int8_t* turned);
+
+ private:
+  int dim_;
+  CpuPath path_;
+  std::vector<std::int16_t> columns_;  // [dim, dim] the rotation's, one after another
+  std::vector<std::int32_t> sums_;     // [dim]
+};
 
 // What a frame's features say for each location, by the details that the model keeps of it. A
 // feature speaks for the location of the detail nearest to its own descriptor, by how much farther
@@ -60,7 +76,9 @@ class PlaceEvidence {
   int Vote();
 
   int dim_;
+  CpuPath path_;
   ModelDetails details_;
+  Turner turner_;
   int common_;                          // stands for the common details: one behind the locations
   std::vector<std::int8_t> words_;      // [words, dim] turned
   std::vector<std::int16_t> codebook_;  // [parts, dim / parts, kCodesOfPart]: codes side by side
@@ -76,11 +94,6 @@ class PlaceEvidence {
   std::vector<int> votes_;                 // [locations + 1]
   std::vector<int> choices_;               // [features]
 };
-
-// A descriptor as the details' codes see it: rotation * descriptor / 127, rounded, cut to a byte.
-//   rotation [dim, dim], descriptor [dim], turned [dim]
-void TurnDescriptor(std::span<const std::int8_t> rotation, const std::int8_t* descriptor, int dim,
-                    std::int8_t* turned);
 
 // How far each location's evidence goes beyond what a like view would give it:
 //   s_l = sqrt(e_l) - likeness_weight * likeness_l

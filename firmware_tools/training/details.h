@@ -30,8 +30,11 @@ struct DetailOptions {
   int parts = 8;
   // Frames held out at a time: each folds-th of a location.
   int folds = 5;
-  // Share of the answers that may be wrong, by held-out frames.
-  double wrong_share = 0.01;
+  // Share of the answers that may be wrong, by held-out frames. These lie farther from the images
+  // that are left than a frame of the same walk from all of them, so that about half as many will
+  // be: with each fifth of the IE Tower's training images put aside, 0.02 made 0.8 % of the answers
+  // to those wrong (2 of 253).
+  double wrong_share = 0.015;
   int jobs = 0;  // 0: all cores
 };
 

@@ -181,11 +181,11 @@ TEST(FindBestPlace, NoLocationWithoutEvidenceIsBest) {
   EXPECT_EQ(best.margin, 0);  // the other is above it: nothing speaks for this one
 }
 
-TEST(TurnDescriptor, RoundsAndCuts) {
+TEST(Turner, RoundsAndCuts) {
   const std::vector<std::int8_t> rotation = {127, 127, 64, -64};
   const std::vector<std::int8_t> descriptor = {100, 99};
   std::vector<std::int8_t> turned(2);
-  TurnDescriptor(rotation, descriptor.data(), 2, turned.data());
+  Turner(rotation, 2).Turn(descriptor.data(), turned.data());
   EXPECT_THAT(turned, ::testing::ElementsAre(127, 1));
 }
 
