@@ -177,12 +177,13 @@ void PlaceEvidence::CompareWithList(std::int32_t query_norm2, std::int32_t word_
 }
 
 // Of the feature whose distances are in nearest2_, which is cleared. Returns what it spoke for.
-int PlaceEvidence::Vote() {
+int PlaceEvidence::Vote(int hidden) {
   std::int32_t first2 = kFar2, second2 = kFar2;
   int location = -1;
   for (const int l : touched_) {
     const std::int32_t distance2 = nearest2_[l];
     nearest2_[l] = kFar2;
+    if (l == hidden) continue;
     if (distance2 < first2) {
       second2 = first2;
       first2 = distance2;
@@ -201,7 +202,8 @@ int PlaceEvidence::Vote() {
 
 void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
                           std::span<const Keypoint> keypoints,
-                          std::span<const std::uint16_t> words_of_features, int words_per_feature) {
+                          std::span<const std::uint16_t> words_of_features, int words_per_feature,
+                          int hidden) {
   std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
@@ -214,7 +216,7 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
       const std::int32_t dot = Dot(turned_.data(), words_.data() + std::size_t(word) * dim_, dim_);
       CompareWithList(norm2, dot, 2 * word + dark);
     }
-    choices_[i] = Vote();
+    choices_[i] = Vote(hidden);
   }
 }
 

@@ -57,8 +57,10 @@ class PlaceEvidence {
 
   //   descriptors [n, dim], keypoints [n]
   //   words_of_features [n, words_per_feature] as Vocabulary::NearestWords() gives them
+  //   hidden  as if the model had no such location; -1: none is hidden
   void Weigh(std::span<const std::int8_t> descriptors, std::span<const Keypoint> keypoints,
-             std::span<const std::uint16_t> words_of_features, int words_per_feature);
+             std::span<const std::uint16_t> words_of_features, int words_per_feature,
+             int hidden = -1);
 
   // Of the last Weigh(): e_l of every location, and how many features spoke for it.
   std::span<const float> evidence() const { return {evidence_.data(), std::size_t(common_)}; }
@@ -73,7 +75,7 @@ class PlaceEvidence {
   void SumNorms();
   void FillTable(const std::int8_t* descriptor);
   void CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list);
-  int Vote();
+  int Vote(int hidden);
 
   int dim_;
   CpuPath path_;

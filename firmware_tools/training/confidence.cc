@@ -76,6 +76,10 @@ ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
   return {static_cast<float>(curve.offset), static_cast<float>(curve.slope), 0.5F};
 }
 
+double ConfidenceOf(const ModelConfidence& confidence, double margin) {
+  return Logistic(double{confidence.offset} + double{confidence.slope} * margin);
+}
+
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
   const Curve curve = {confidence.offset, confidence.slope};
   return Loss(outcomes, {1, 0}, curve) / static_cast<double>(outcomes.size());
@@ -94,8 +98,7 @@ void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
   }
   // The first that is not answered is wrong, or the set would be wider.
   if (answered == sorted.size() || confidence.slope == 0) return;
-  const double least =
-      Logistic(double{confidence.offset} + double{confidence.slope} * sorted[answered].margin);
+  const double least = ConfidenceOf(confidence, sorted[answered].margin);
   const float above = std::nextafter(static_cast<float>(least), 1.0F);
   confidence.threshold = std::max(confidence.threshold, above);
 }

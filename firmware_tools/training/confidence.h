@@ -18,6 +18,9 @@ struct Outcome {
 // the threshold at one half: an answer is given where it is more likely right than wrong.
 ModelConfidence FitConfidence(std::span<const Outcome> outcomes);
 
+// Its value at a margin.
+double ConfidenceOf(const ModelConfidence& confidence, double margin);
+
 // Mean of -log p(what was) over the outcomes, at a curve.
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
 

@@ -73,11 +73,13 @@ std::vector<std::int8_t> BalancedRotation(const Eigen::MatrixXd& covariance, int
   return rotation;
 }
 
-// What the evidence of a held-out frame was.
+// What the evidence of a held-out frame was, with its own location and, as if the frame were of a
+// place that the model does not know, without it.
 struct HeldOutFrame {
-  std::vector<float> evidence;  // [locations]
-  std::vector<float> likeness;  // [locations]
-  int location_idx = -1;        // the right one; -1: the frame was not asked
+  std::vector<float> evidence;            // [locations]
+  std::vector<float> likeness;            // [locations]
+  std::vector<float> evidence_elsewhere;  // [locations]
+  int location_idx = -1;                  // the right one; -1: the frame was not asked
 };
 
 std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames, float likeness_weight) {
@@ -88,6 +90,20 @@ std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames, float l
     ScorePlaces(frame.evidence, frame.likeness, likeness_weight, scores);
     const BestPlace best = FindBestPlace(frame.evidence, scores);
     outcomes.push_back({best.margin, best.location_idx == frame.location_idx});
+  }
+  return outcomes;
+}
+
+// Outcomes, all of them wrong, of the frames whose locations are hidden.
+std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames, float likeness_weight) {
+  std::vector<Outcome> outcomes;
+  for (HeldOutFrame& frame : frames) {
+    if (frame.location_idx < 0) continue;
+    frame.evidence_elsewhere.erase(frame.evidence_elsewhere.begin() + frame.location_idx);
+    frame.likeness.erase(frame.likeness.begin() + frame.location_idx);
+    std::vector<float> scores(frame.likeness.size());
+    ScorePlaces(frame.evidence_elsewhere, frame.likeness, likeness_weight, scores);
+    outcomes.push_back({FindBestPlace(frame.evidence_elsewhere, scores).margin, false});
   }
   return outcomes;
 }
@@ -128,6 +144,7 @@ class DetailTrainer {
       const std::vector<HeldOutFrame> frames = HoldOut(merge);
       table.likeness_weight = ChooseLikenessWeight(frames);
       trained.held_out = OutcomesOf(frames, table.likeness_weight);
+      trained.elsewhere = OutcomesElsewhere(frames, table.likeness_weight);
       trained.table = std::move(table);
       break;
     }
@@ -407,9 +424,13 @@ class DetailTrainer {
         PlaceEvidence& weigher = *weighers[worker];
         weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
                       source_.words_per_feature);
-        frames[s] = {{weigher.evidence().begin(), weigher.evidence().end()},
-                     LikenessOf(s, used),
-                     source_.locations[s]};
+        HeldOutFrame& frame = frames[s];
+        frame.evidence.assign(weigher.evidence().begin(), weigher.evidence().end());
+        frame.likeness = LikenessOf(s, used);
+        frame.location_idx = source_.locations[s];
+        weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
+                      source_.words_per_feature, frame.location_idx);
+        frame.evidence_elsewhere.assign(weigher.evidence().begin(), weigher.evidence().end());
       });
     }
     return frames;

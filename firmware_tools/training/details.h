@@ -57,6 +57,8 @@ struct TrainedDetails {
   // Each frame as if it had not been in the set, one of `folds` of a location's, while those
   // around it were; locations of one image are left out.
   std::vector<Outcome> held_out;
+  // The same frames as if their locations were hidden: every answer would be wrong.
+  std::vector<Outcome> elsewhere;
 };
 
 // The same inputs give the same bytes, whatever `jobs` is.

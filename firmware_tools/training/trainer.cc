@@ -6,6 +6,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <span>
 
 #include "firmware_tools/mapping/map_points.h"
 #include "firmware_tools/training/confidence.h"
@@ -268,13 +269,21 @@ ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
   return FitConfidence(outcomes);
 }
 
-Json DetailsAsJson(const TrainedDetails& details) {
-  const auto right = std::count_if(details.held_out.begin(), details.held_out.end(),
-                                   [](const Outcome& o) { return o.right; });
+double ShareAnswered(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
+  const auto answered = std::ranges::count_if(outcomes, [&](const Outcome& o) {
+    return ConfidenceOf(confidence, o.margin) >= double{confidence.threshold};
+  });
+  return static_cast<double>(answered) / static_cast<double>(outcomes.size());
+}
+
+Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confidence) {
+  const auto right = std::ranges::count_if(details.held_out, &Outcome::right);
   return {{"details", details.table.codes.size() / details.table.parts},
           {"likeness_weight", details.table.likeness_weight},
           {"held_out", details.held_out.size()},
-          {"right", right}};
+          {"right", right},
+          {"answered", ShareAnswered(details.held_out, confidence)},
+          {"elsewhere_answered", ShareAnswered(details.elsewhere, confidence)}};
 }
 
 // What they tell decides, so that the confidence is that of their margin. Returns how they fared.
@@ -560,7 +569,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
     model.floor_plan = {plan.picture, plan.width, plan.height, plan.site_from_pixel};
   }
   Json record = Record(set, options, prepared, tried);
-  if (!details.held_out.empty()) record["details"] = DetailsAsJson(details);
+  if (!details.held_out.empty()) record["details"] = DetailsAsJson(details, model.confidence);
   if (!poses.empty()) record["held_out_poses"] = PosesAsJson(poses);
   if (options.base) record["base"] = BaseAsJson(*options.base, result.base);
   model.record = record.dump();

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <functional>
 #include <random>
 
 #include "engine/scoring/scoring.h"
@@ -228,9 +229,9 @@ TEST_F(LocalizerTest, APlaceFarFromAllIsUnknown) {
   EXPECT_FALSE(fix->GuessIsRival());
 }
 
-// A model whose details are the features of one image, all of the second location's.
-ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
-  ModelData data = TinyModelData();
+// Gives a model the features of one image as details, each of a location that `owner` names.
+ModelData WithDetailsOf(const std::vector<std::uint8_t>& pixels, ModelData data,
+                        const std::function<int(int feature)>& owner) {
   FeatureOptions options;
   options.max_image_side = data.features.max_image_side;
   options.max_features = data.features.max_features;
@@ -244,21 +245,41 @@ ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
   data.details.codebook.resize(std::size_t{kCodesOfPart} * dim);
   data.details.rotation = NoRotation(dim);
   const int lists = 2 * static_cast<int>(data.words.size()) / dim;
-  data.details.list_size.assign(std::size_t{3} * lists, 0);
-  for (int list = 0; list < lists; ++list) {
+  data.details.list_size.assign((data.locations.size() + 1) * lists, 0);
+  for (int row = 0; row < static_cast<int>(data.locations.size()) * lists; ++row) {
+    const int location = row / lists, list = row % lists;
     for (int i = 0; i < features.size(); ++i) {
       const int dark = features.keypoints()[i].laplacian_sign < 0 ? 1 : 0;
-      if (2 * words[i] + dark != list) continue;
+      if (2 * words[i] + dark != list || owner(i) != location) continue;
       const std::size_t code = data.details.codes.size();
       for (int b = 0; b < dim; ++b) {
         data.details.codebook[code * dim + b] = static_cast<std::int8_t>(
             features.descriptor(i)[b] - data.words[std::size_t(words[i]) * dim + b]);
       }
-      ++data.details.list_size[lists + list];
+      ++data.details.list_size[row];
       data.details.codes.push_back(static_cast<std::uint8_t>(code));
     }
   }
   return data;
+}
+
+// A model whose details are the features of one image, all of the second location's.
+ModelData DetailsOf(const std::vector<std::uint8_t>& pixels) {
+  return WithDetailsOf(pixels, TinyModelData(), [](int) { return 1; });
+}
+
+TEST_F(LocalizerTest, WhereDetailsOfOneFloorsAreasAreSeenTheFloorIsSaid) {
+  const auto pixels = Blocks(320, 240, 1);
+  ModelData data = WithDetailsOf(pixels, TwoFloors(0), [](int i) { return i % 2; });
+  data.confidence = {.offset = -12, .slope = 2, .threshold = 0.5F};
+  Localizer localizer = Make(data);
+  const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+  ASSERT_TRUE(fix->localized);
+  EXPECT_EQ(fix->level, 1);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  ASSERT_EQ(fix->num_rivals, 1);
+  EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+  EXPECT_GT(fix->rival_evidence, fix->evidence / 2);
 }
 
 TEST_F(LocalizerTest, DetailsDecide) {

@@ -124,5 +124,21 @@ TEST(AddKeyframeSimilarity, AddsTheMostSimilarOfEachPair) {
   EXPECT_THAT(scores, ::testing::ElementsAre(1.5F, 0.0F, 2.0F, 0.0F, 0.0F));
 }
 
+TEST(LikenessOfLocations, IsThatOfTheMostSimilarKeyframe) {
+  Fixture f;
+  const std::vector<std::uint16_t> pair = {0, 0, 1};
+  ModelKeyframes keyframes;
+  keyframes.size = 3;
+  keyframes.pair = pair;
+  std::vector<float> likeness(3, 9.0F);
+  LikenessOfLocations(f.model, keyframes, std::vector<float>{-0.1F, 0.25F, 0.1F}, likeness);
+  std::vector<float> expected(3, kNoSimilarity);
+  for (int k = 0; k < 3; ++k) {
+    float& best = expected[f.model.pair_location[pair[k]]];
+    best = std::max(best, std::vector<float>{-0.1F, 0.25F, 0.1F}[k]);
+  }
+  EXPECT_THAT(likeness, ::testing::ElementsAreArray(expected));
+}
+
 }  // namespace
 }  // namespace viewfix

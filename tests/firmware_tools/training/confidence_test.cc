@@ -60,6 +60,18 @@ double ShareWrongOf(const std::vector<Outcome>& outcomes, const ModelConfidence&
   return answered == 0 ? 0 : static_cast<double>(wrong) / answered;
 }
 
+TEST(LogLoss, IsLeastAtTheFittedCurve) {
+  const std::vector<Outcome> outcomes = {
+      {0.5, false}, {1, true}, {2, true}, {1.5, false}, {3, true}};
+  const ModelConfidence certain = {.offset = 0, .slope = 0, .threshold = 0.5F};
+  EXPECT_NEAR(LogLoss(outcomes, certain), std::log(2.0), 1e-6);
+  ModelConfidence fitted = FitConfidence(outcomes);
+  EXPECT_LT(LogLoss(outcomes, fitted), std::log(2.0));
+  const double least = LogLoss(outcomes, fitted);
+  fitted.slope = -fitted.slope;
+  EXPECT_GT(LogLoss(outcomes, fitted), least);
+}
+
 TEST(LimitWrongAnswers, KeepsTheShareOfTheOutcomes) {
   const std::vector<Outcome> outcomes = Draw(-1, 3, 5000);
   for (const double share : {0.0, 0.01, 0.05}) {

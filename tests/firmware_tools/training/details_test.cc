@@ -78,6 +78,11 @@ TEST_F(DetailsTest, HeldOutImagesAreFound) {
     EXPECT_TRUE(outcome.right);
     EXPECT_GT(outcome.margin, 1);
   }
+  ASSERT_EQ(details.elsewhere.size(), details.held_out.size());
+  for (std::size_t i = 0; i < details.elsewhere.size(); ++i) {  // where their own is hidden
+    EXPECT_FALSE(details.elsewhere[i].right);
+    EXPECT_LT(details.elsewhere[i].margin, details.held_out[i].margin / 2);
+  }
 }
 
 TEST_F(DetailsTest, FeaturesThatLookAlikeAreOneDetail) {
