@@ -18,6 +18,7 @@ namespace viewfix {
 namespace {
 
 constexpr double kMaxMetres = 0.5;
+constexpr double kMaxShareOfDepth = 0.1;  // where units are no metres
 constexpr double kMaxTurn = 10 * std::numbers::pi / 180;
 // The locations are hidden in so many parts.
 constexpr int kLocationParts = 2;
@@ -30,7 +31,26 @@ constexpr int kIterations = 50;
 struct KeyframePlace {
   Rigid3 world_from_cam;
   int map_idx = -1;
+  double depth = 0;  // median distance of its landmarks, world units
 };
+
+double DepthOf(const ModelData& model, std::size_t keyframe, int map_idx,
+               const Eigen::Vector3d& cam_in_world) {
+  std::vector<double> distances;
+  for (std::uint32_t i = model.keyframe_landmark_begin[keyframe];
+       i < model.keyframe_landmark_begin[keyframe + 1]; ++i) {
+    const auto& steps = model.landmark_position[model.keyframe_landmarks[i]];
+    Eigen::Vector3d point;
+    for (int axis = 0; axis < 3; ++axis) {
+      point[axis] = double{model.map_origin[map_idx][axis]} +
+                    double{model.map_step[map_idx]} * double(steps[axis]);
+    }
+    distances.push_back((point - cam_in_world).norm());
+  }
+  const auto middle = distances.begin() + std::ssize(distances) / 2;
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
+}
 
 // Poses of the keyframes that are in a map, by name.
 std::map<std::string, KeyframePlace> PlacesOf(const ModelData& model) {
@@ -41,9 +61,12 @@ std::map<std::string, KeyframePlace> PlacesOf(const ModelData& model) {
     const std::uint32_t landmark = model.keyframe_landmarks[begin];
     const auto map = std::upper_bound(model.map_begin.begin(), model.map_begin.end(), landmark);
     const auto& p = model.keyframe_pose[k];
-    places[model.keyframe_names[k]] = {{Eigen::Quaternionf(p[6], p[3], p[4], p[5]).cast<double>(),
-                                        Eigen::Vector3f(p[0], p[1], p[2]).cast<double>()},
-                                       static_cast<int>(map - model.map_begin.begin()) - 1};
+    const int map_idx = static_cast<int>(map - model.map_begin.begin()) - 1;
+    const Eigen::Vector3d cam_in_world = Eigen::Vector3f(p[0], p[1], p[2]).cast<double>();
+    places[model.keyframe_names[k]] = {
+        {Eigen::Quaternionf(p[6], p[3], p[4], p[5]).cast<double>(), cam_in_world},
+        map_idx,
+        DepthOf(model, k, map_idx, cam_in_world)};
   }
   return places;
 }
@@ -120,12 +143,13 @@ class Trial {
 
   bool IsRight(const Fix& fix, int map_idx, int sample) const {
     const auto truth = places_.find(source_.set.images[source_.image_idxs[sample]].path);
-    if (truth == places_.end() || source_.model.map_metric[map_idx] == 0) {
-      return fix.location_idx == source_.locations[sample];
-    }
+    if (truth == places_.end()) return fix.location_idx == source_.locations[sample];
     const Rigid3& pose = truth->second.world_from_cam;
+    const double reach = source_.model.map_metric[map_idx] != 0
+                             ? kMaxMetres
+                             : kMaxShareOfDepth * truth->second.depth;
     return truth->second.map_idx == map_idx &&
-           (pose.translation - fix.world_from_cam.translation).norm() <= kMaxMetres &&
+           (pose.translation - fix.world_from_cam.translation).norm() <= reach &&
            pose.rotation.angularDistance(fix.world_from_cam.rotation) <= kMaxTurn;
   }
 
