@@ -9,6 +9,8 @@
 #include "firmware_tools/cli/terminal.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/evaluation/evaluate.h"
+#include "firmware_tools/report/eval_report.h"
+#include "firmware_tools/report/page.h"
 
 namespace viewfix {
 namespace {
@@ -20,6 +22,7 @@ struct EvalFlags {
   std::string split = "test";
   std::string unknown;
   std::string json;
+  std::string report;
   bool sequence = false;
   bool filter = false;
   int window = 0;
@@ -142,6 +145,10 @@ nlohmann::ordered_json Measure(const EvalFlags& flags, const ImageSet& set, cons
 void RunEval(EvalFlags flags) {
   flags.sequence = flags.sequence || flags.filter;
   if (!flags.json.empty()) CheckCanWrite(flags.json);
+  if (!flags.report.empty()) {
+    CheckLibrary("--report", ChartLibrary(), "Chart.js");
+    CheckCanWrite(flags.report);
+  }
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
   if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
@@ -153,8 +160,13 @@ void RunEval(EvalFlags flags) {
     unknown = std::make_unique<Evaluation>(
         Evaluate(LoadImageSet(flags.unknown), *model, all, ShowProgress("unknown places")));
   }
-  const auto figures = Measure(flags, set, *model, unknown.get());
+  auto figures = Measure(flags, set, *model, unknown.get());
+  figures["model_sections"] = SectionsAsJson(*model);
   if (!flags.json.empty()) WriteTextFile(flags.json, figures.dump(1) + "\n");
+  if (!flags.report.empty()) {
+    WriteTextFile(flags.report,
+                  EvalReportHtml({flags.set, flags.model, flags.split}, set, *model, figures));
+  }
   PrintFigures(flags.sequence ? figures["frame_alone"] : figures);
   if (flags.sequence) PrintSequence(figures);
 }
@@ -186,6 +198,9 @@ void AddEval(CLI::App& app) {
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   command->add_option("--json", flags->json, "write every figure to this file");
+  command->add_option("--report", flags->report,
+                      "write it all as one HTML page that works offline: plots, locations, worst "
+                      "failures");
   command->callback([flags] { RunEval(*flags); });
 }
 

@@ -76,7 +76,7 @@ class Browser:
         self.size = (width, height)
         self.dark = dark
         self.last_id = 0
-        self.faults = []  # exceptions and errors of the page's script
+        self.faults = []  # exceptions and errors of the page, those in its console among them
 
     def __enter__(self):
         self.folder = tempfile.mkdtemp(prefix='viewfix-browser-')
@@ -88,6 +88,7 @@ class Browser:
         self.socket = _WebSocket(self._page_url())
         self.call('Page.enable')
         self.call('Runtime.enable')
+        self.call('Log.enable')
         self.call('Emulation.setDeviceMetricsOverride', width=self.size[0], height=self.size[1],
                   deviceScaleFactor=1, mobile=False)
         self.call('Emulation.setEmulatedMedia', features=[
@@ -122,6 +123,12 @@ class Browser:
             message = json.loads(self.socket.receive())
             if message.get('method') == 'Runtime.exceptionThrown':
                 self.faults.append(message['params']['exceptionDetails'].get('text', 'exception'))
+            if (message.get('method') == 'Runtime.consoleAPICalled' and
+                    message['params']['type'] in ('error', 'assert')):
+                self.faults.append(str(message['params']['args']))
+            if (message.get('method') == 'Log.entryAdded' and
+                    message['params']['entry']['level'] == 'error'):
+                self.faults.append(message['params']['entry']['text'])
             if message.get('id') == self.last_id:
                 if 'error' in message:
                     raise RuntimeError(f"{method}: {message['error']}")

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: BSD-3-Clause
+#pragma once
+
+#include <cstdint>
+#include <nlohmann/json_fwd.hpp>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace viewfix {
+
+// The files that pages are made of. Libraries are empty where the build did not find them.
+std::string_view ChartLibrary();
+std::string_view PageStyle();
+std::string_view EvalReportPage();
+
+// Throws ToolError naming what is missing, and what to do, if a library of `what` is empty.
+void CheckLibrary(const std::string& what, std::string_view library, const std::string& name);
+
+// `page` with each mark replaced by its text, in which no marks are looked for.
+struct PagePart {
+  std::string_view mark;
+  std::string_view text;
+};
+std::string FillPage(std::string_view page, std::span<const PagePart> parts);
+
+// JSON as it may stand in a <script> element, whatever its strings hold.
+std::string ScriptJson(const nlohmann::ordered_json& json);
+
+// A PNG or JPEG file as a data URL.
+std::string PictureUrl(std::span<const std::uint8_t> file);
+
+}  // namespace viewfix

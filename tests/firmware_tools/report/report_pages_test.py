@@ -1,0 +1,151 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: BSD-3-Clause
+"""The HTML pages that viewfix writes, in a headless Chromium.
+
+  report_pages_test.py --viewfix PROGRAM [--screenshots FOLDER]
+
+Exit code 77: there is no Chromium here, or viewfix was built without the pages' libraries.
+"""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / 'platform' / 'publish'))
+import browser  # noqa: E402
+
+PROGRAMS = argparse.Namespace()
+HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>&amp;"\''
+PLOTS = ['accuracy by level', 'reliability', 'risk and coverage', 'latency by stage',
+         'model bytes by section', 'images by location', 'trajectory']
+
+
+def viewfix(*arguments):
+    run = subprocess.run([PROGRAMS.viewfix, *map(str, arguments)], capture_output=True, text=True,
+                         check=False)
+    if 'this viewfix was built without' in run.stderr:
+        print(run.stderr.strip().splitlines()[-1])
+        sys.exit(77)
+    assert run.returncode == 0, run.stderr
+    return run
+
+
+def rename(site, old, new):
+    """A copy of the set's CSV in which one location is called otherwise."""
+    with open(site / 'images.csv', encoding='utf-8', newline='') as file:
+        rows = list(csv.reader(file))
+    column = rows[0].index('location')
+    for row in rows[1:]:
+        row[column] = new if row[column] == old else row[column]
+    path = site / 'renamed.csv'
+    with open(path, 'w', encoding='utf-8', newline='') as file:
+        csv.writer(file, lineterminator='\n').writerows(rows)
+    return path
+
+
+class PagesTest(unittest.TestCase):
+
+    @classmethod
+    def setUpClass(cls):
+        folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(folder.cleanup)
+        cls.folder = pathlib.Path(folder.name)
+        site, model = cls.folder / 'site', cls.folder / 'm.vfx'
+        viewfix('simulate', '--out', site, '--seed', '1', '--images-per-view', '5')
+        # Of two show windows that look alike, one has a hostile name.
+        csv_file = rename(site, 'show_window_1', HOSTILE)
+        viewfix('train', csv_file, '--out', model, '--words', '50')
+        cls.report, cls.json = cls.folder / 'report.html', cls.folder / 'eval.json'
+        viewfix('eval', csv_file, '--model', model, '--split', 'all', '--report', cls.report,
+                '--json', cls.json)
+
+    def visit(self, file, name, **options):
+        page = browser.Browser(**options)
+        page.__enter__()
+        self.addCleanup(page.__exit__)
+        page.go(file.as_uri())
+        page.wait_for("document.readyState === 'complete' && document.images.length >= 0")
+        if PROGRAMS.screenshots:
+            os.makedirs(PROGRAMS.screenshots, exist_ok=True)
+            page.screenshot(os.path.join(PROGRAMS.screenshots, name + '.png'))
+        self.assertEqual(page.faults, [])
+        self.assertLessEqual(page.evaluate('document.documentElement.scrollWidth'), page.size[0])
+        return page
+
+    def assert_plots_drawn(self, page):
+        self.assertEqual(sorted(page.evaluate('charts.map(c => c.name)')), sorted(PLOTS))
+        for i, name in enumerate(page.evaluate('charts.map(c => c.name)')):
+            colours = page.evaluate(
+                f'(() => {{ const c = charts[{i}].canvas; return new Set(new Uint32Array('
+                "c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size; })()")
+            self.assertGreater(colours, 20, name)
+
+    def test_a_desk_shows_every_plot_and_picture(self):
+        page = self.visit(self.report, 'desk')
+        self.assert_plots_drawn(page)
+        self.assertTrue(page.evaluate('[...document.images].every(i => i.naturalWidth > 0)'))
+        failures = json.loads(self.json.read_text(encoding='utf-8'))['failures']
+        self.assertGreater(len(failures), 0, 'the set was to have failures')
+        self.assertEqual(page.evaluate("document.querySelectorAll('.failure').length"),
+                         min(12, len(failures)))
+        self.assertEqual(page.faults, [])
+
+    def test_a_phone_in_the_dark(self):
+        page = self.visit(self.report, 'phone', width=390, height=844, dark=True)
+        self.assert_plots_drawn(page)
+        self.assertEqual(page.evaluate('getComputedStyle(document.body).backgroundColor'),
+                         'rgb(20, 23, 26)')
+
+    def test_paper_is_white(self):
+        page = self.visit(self.report, 'print', dark=True)
+        page.call('Emulation.setEmulatedMedia', media='print')
+        page.wait_for("getComputedStyle(document.body).backgroundColor === 'rgb(255, 255, 255)'")
+        self.assert_plots_drawn(page)
+        self.assertEqual(page.faults, [])
+
+    def test_hostile_names_are_text(self):
+        page = self.visit(self.report, 'hostile')
+        self.assertIn(HOSTILE, page.evaluate('document.body.innerText'))
+        self.assertEqual(page.evaluate("document.querySelectorAll('script').length"), 3)
+        self.assertEqual(page.evaluate("document.querySelectorAll('img[onerror]').length"), 0)
+
+    def test_a_location_opens_to_its_images(self):
+        page = self.visit(self.report, 'locations')
+        rows = page.evaluate("(async () => { const d = document.querySelector('details');"
+                             'd.open = true; await new Promise(r => setTimeout(r, 200));'
+                             "return d.querySelectorAll('td:first-child').length; })()")
+        figures = json.loads(self.json.read_text(encoding='utf-8'))
+        self.assertEqual(rows, figures['locations'][0]['images'])
+
+    def test_the_json_has_every_number(self):
+        shown = json.loads(re.search(r'id="data">(.*?)</script>',
+                                     self.report.read_text(encoding='utf-8'), re.S).group(1))
+        self.assertEqual(shown['figures'], json.loads(self.json.read_text(encoding='utf-8')))
+
+    def test_it_is_one_small_file(self):
+        text = self.report.read_text(encoding='utf-8')
+        self.assertLess(len(text), 3_000_000)
+        self.assertIsNone(re.search(r'(?:src|href)="(?!data:)', text))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--viewfix', required=True)
+    parser.add_argument('--screenshots', default='')
+    parser.parse_args(namespace=PROGRAMS)
+    if browser.find() is None:
+        print('Chromium is not installed')
+        sys.exit(77)
+    unittest.main(argv=sys.argv[:1])
+
+
+if __name__ == '__main__':
+    main()
