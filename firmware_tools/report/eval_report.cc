@@ -65,14 +65,8 @@ class FailurePictures {
 };
 
 // The floor plan lies in site coordinates.
-Json FloorPlan(const ModelView& model, const Json& figures) {
-  const ModelFloorPlan& plan = model.floor_plan();
-  if (!model.has_floor_plan() || figures["positions_in"] != "site") return nullptr;
-  return {
-      {"picture", PictureUrl(plan.picture)},
-      {"width", plan.width},
-      {"height", plan.height},
-      {"site_from_pixel", std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
+Json FloorPlanUnder(const Json& figures, const ModelView& model) {
+  return figures["positions_in"] == "site" ? FloorPlanForPage(model) : Json();
 }
 
 }  // namespace
@@ -85,7 +79,7 @@ std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const 
                        {"model", title.model},
                        {"split", title.split},
                        {"hash", std::string(hash.begin(), hash.end())}}},
-                     {"floor_plan", FloorPlan(model, figures)},
+                     {"floor_plan", FloorPlanUnder(figures, model)},
                      {"failures", FailurePictures(set).Of(figures)},
                      {"figures", figures}};
   const std::string script_data = ScriptJson(data);

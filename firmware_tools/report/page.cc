@@ -58,4 +58,14 @@ std::string PictureUrl(std::span<const std::uint8_t> file) {
   return (png ? "data:image/png;base64," : "data:image/jpeg;base64,") + Base64(file);
 }
 
+nlohmann::ordered_json FloorPlanForPage(const ModelView& model) {
+  const ModelFloorPlan& plan = model.floor_plan();
+  if (!model.has_floor_plan()) return nullptr;
+  return {
+      {"picture", PictureUrl(plan.picture)},
+      {"width", plan.width},
+      {"height", plan.height},
+      {"site_from_pixel", std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
+}
+
 }  // namespace viewfix

@@ -8,12 +8,18 @@
 #include <string_view>
 #include <vector>
 
+#include "models/model_view.h"
+
 namespace viewfix {
 
 // The files that pages are made of. Libraries are empty where the build did not find them.
 std::string_view ChartLibrary();
 std::string_view PageStyle();
+std::string_view ThreeCoreLibrary();
+std::string_view ThreeLibrary();
+std::string_view OrbitControlsLibrary();
 std::string_view EvalReportPage();
+std::string_view MapPage();
 
 // Throws ToolError naming what is missing, and what to do, if a library of `what` is empty.
 void CheckLibrary(const std::string& what, std::string_view library, const std::string& name);
@@ -30,5 +36,8 @@ std::string ScriptJson(const nlohmann::ordered_json& json);
 
 // A PNG or JPEG file as a data URL.
 std::string PictureUrl(std::span<const std::uint8_t> file);
+
+// A model's floor plan, its picture as a data URL; null: it has none.
+nlohmann::ordered_json FloorPlanForPage(const ModelView& model);
 
 }  // namespace viewfix

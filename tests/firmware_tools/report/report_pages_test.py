@@ -50,6 +50,17 @@ def rename(site, old, new):
     return path
 
 
+def walk_of(csv_file):
+    """Lines of viewfixd for the first images of a set, the second without a pose."""
+    with open(csv_file, encoding='utf-8', newline='') as file:
+        for number, row in zip(range(6), csv.DictReader(file)):
+            pose = {'frame': 'world_from_cam', 'map': 0,
+                    't': [float(row['t' + axis]) for axis in 'xyz'],
+                    'q_xyzw': [float(row['q' + axis]) for axis in 'xyzw']}
+            yield json.dumps({'state': 'localized', 'location': row['location'], 'confidence': 0.9,
+                              'pose': None if number == 1 else pose}) + '\n'
+
+
 class PagesTest(unittest.TestCase):
 
     @classmethod
@@ -62,16 +73,20 @@ class PagesTest(unittest.TestCase):
         # Of two show windows that look alike, one has a hostile name.
         csv_file = rename(site, 'show_window_1', HOSTILE)
         viewfix('train', csv_file, '--out', model, '--words', '50')
+        cls.map = cls.folder / 'map.html'
+        fixes = cls.folder / 'fixes.jsonl'
+        fixes.write_text(''.join(walk_of(csv_file)), encoding='utf-8')
+        viewfix('map', model, '--out', cls.map, '--fixes', fixes)
         cls.report, cls.json = cls.folder / 'report.html', cls.folder / 'eval.json'
         viewfix('eval', csv_file, '--model', model, '--split', 'all', '--report', cls.report,
                 '--json', cls.json)
 
-    def visit(self, file, name, **options):
+    def visit(self, file, name, ready='true', **options):
         page = browser.Browser(**options)
         page.__enter__()
         self.addCleanup(page.__exit__)
         page.go(file.as_uri())
-        page.wait_for("document.readyState === 'complete' && document.images.length >= 0")
+        page.wait_for(f"document.readyState === 'complete' && {ready}")
         if PROGRAMS.screenshots:
             os.makedirs(PROGRAMS.screenshots, exist_ok=True)
             page.screenshot(os.path.join(PROGRAMS.screenshots, name + '.png'))
@@ -123,6 +138,52 @@ class PagesTest(unittest.TestCase):
                              "return d.querySelectorAll('td:first-child').length; })()")
         figures = json.loads(self.json.read_text(encoding='utf-8'))
         self.assertEqual(rows, figures['locations'][0]['images'])
+
+    def visit_map(self, name, **options):
+        return self.visit(self.map, name, ready='!!window.viewfixMap', **options)
+
+    def colours_of_map(self, page):
+        """How many colours the scene has, read right after it is drawn."""
+        return page.evaluate(
+            '(() => { viewfixMap.draw(); const gl = viewfixMap.renderer.getContext();'
+            'const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];'
+            'const pixels = new Uint8Array(4 * w * h);'
+            'gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);'
+            'return new Set(new Uint32Array(pixels.buffer)).size; })()')
+
+    def test_the_map_is_drawn_with_all_its_parts(self):
+        page = self.visit_map('map')
+        self.assertGreater(self.colours_of_map(page), 50)
+        self.assertEqual(page.evaluate("document.querySelectorAll('#legend button').length"), 10)
+        self.assertIn(HOSTILE, page.evaluate("document.getElementById('legend').innerText"))
+        for part in ('points', 'keyframes', 'names'):
+            before = self.colours_of_map(page)
+            page.evaluate(f"document.getElementById('show_{part}').click()")
+            self.assertLess(self.colours_of_map(page), before, part)
+        self.assertEqual(page.faults, [])
+
+    def test_the_walk_moves_a_camera(self):
+        page = self.visit_map('walk', width=390, height=844, dark=True)
+        self.assertEqual(page.evaluate("document.getElementById('step').max"), '4')
+        at = 'JSON.stringify(viewfixMap.state.mover.geometry.boundingSphere.center)'
+        before = page.evaluate(at)
+        page.evaluate("document.getElementById('follow').click()")
+        page.evaluate("document.getElementById('play').click()")
+        page.wait_for(f"{at} !== '{before}'")
+        self.assertIn('of 5', page.evaluate("document.getElementById('step_text').innerText"))
+        self.assertGreater(self.colours_of_map(page), 5)
+        self.assertEqual(page.faults, [])
+
+    def test_fixes_that_are_none_are_refused(self):
+        broken = self.folder / 'broken.jsonl'
+        for line in ('{"pose": {"t": [1, 2], "q_xyzw": [0, 0, 0, 1]}}', '[]', 'text', '{}'):
+            broken.write_text('{"pose": null}\n' + line + '\n', encoding='utf-8')
+            run = subprocess.run([PROGRAMS.viewfix, 'map', self.folder / 'm.vfx', '--out',
+                                  self.folder / 'none.html', '--fixes', broken],
+                                 capture_output=True, text=True, check=False)
+            self.assertEqual(run.returncode, 1, line)
+            self.assertIn(f'{broken}: line 2: ', run.stderr)
+        self.assertFalse((self.folder / 'none.html').exists())
 
     def test_the_json_has_every_number(self):
         shown = json.loads(re.search(r'id="data">(.*?)</script>',

@@ -81,7 +81,8 @@ class Browser:
     def __enter__(self):
         self.folder = tempfile.mkdtemp(prefix='viewfix-browser-')
         self.process = subprocess.Popen(
-            [find(), '--headless=new', '--no-sandbox', '--disable-gpu', '--no-first-run',
+            [find(), '--headless=new', '--no-sandbox', '--disable-gpu',
+             '--enable-unsafe-swiftshader', '--no-first-run',
              '--disable-dev-shm-usage', '--hide-scrollbars', '--remote-debugging-port=0',
              f'--user-data-dir={self.folder}', f'--window-size={self.size[0]},{self.size[1]}',
              'about:blank'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
