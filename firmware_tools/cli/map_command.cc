@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,7 +9,6 @@
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/report/map_page.h"
-#include "firmware_tools/report/page.h"
 
 namespace viewfix {
 namespace {
@@ -22,18 +20,12 @@ struct MapFlags {
 };
 
 void RunMap(const MapFlags& flags) {
-  for (const auto library : {ThreeCoreLibrary(), ThreeLibrary(), OrbitControlsLibrary()}) {
-    CheckLibrary("map", library, "three.js");
-  }
+  CheckMapLibraries("map");
   CheckCanWrite(flags.out);
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
   if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
-  const auto has_pose = model->keyframes().has_pose;
-  if (!model->has_landmarks() && std::count(has_pose.begin(), has_pose.end(), 1) == 0) {
-    throw ToolError(flags.model +
-                    ": the model has no map: train it with poses, or with --map colmap");
-  }
+  CheckHasMap(flags.model, *model);
   const auto walk = flags.fixes.empty() ? nlohmann::ordered_json::array() : ReadWalk(flags.fixes);
   WriteTextFile(flags.out, MapHtml(flags.model, *model, walk));
 }

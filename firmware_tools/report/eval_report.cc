@@ -78,6 +78,7 @@ std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const 
                       {{"set", title.set},
                        {"model", title.model},
                        {"split", title.split},
+                       {"map", title.map},
                        {"hash", std::string(hash.begin(), hash.end())}}},
                      {"floor_plan", FloorPlanUnder(figures, model)},
                      {"failures", FailurePictures(set).Of(figures)},

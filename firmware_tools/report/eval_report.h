@@ -14,6 +14,7 @@ struct ReportTitle {
   std::string set;
   std::string model;
   std::string split;
+  std::string map;  // the map's page, as a relative address; empty: none
 };
 
 // An evaluation as one HTML page that needs no other file: the figures of `eval --json` as tables

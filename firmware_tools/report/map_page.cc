@@ -160,6 +160,18 @@ Json ReadWalk(const std::string& file) {
   return walk;
 }
 
+void CheckMapLibraries(const std::string& what) {
+  for (const auto library : {ThreeCoreLibrary(), ThreeLibrary(), OrbitControlsLibrary()}) {
+    CheckLibrary(what, library, "three.js");
+  }
+}
+
+void CheckHasMap(const std::string& model_file, const ModelView& model) {
+  const auto has_pose = model.keyframes().has_pose;
+  if (model.has_landmarks() || std::count(has_pose.begin(), has_pose.end(), 1) > 0) return;
+  throw ToolError(model_file + ": the model has no map: train it with poses, or with --map colmap");
+}
+
 std::string MapHtml(const std::string& title, const ModelView& model, const Json& walk) {
   const auto hash = model.short_hash();
   const ModelScoring& scoring = model.scoring();

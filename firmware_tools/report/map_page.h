@@ -12,6 +12,12 @@ namespace viewfix {
 // ToolError naming file and line: not JSON, or a pose that is none.
 nlohmann::ordered_json ReadWalk(const std::string& file);
 
+// Throws ToolError: a page could not be written, since three.js is missing.
+void CheckMapLibraries(const std::string& what);
+
+// Throws ToolError: the model has neither landmarks nor keyframes with a pose.
+void CheckHasMap(const std::string& model_file, const ModelView& model);
+
 // A model's maps as one HTML page that needs no other file: points, keyframes, location names and
 // the floor plan, to fly through, and a walk of ReadWalk() as a moving camera. The model has
 // landmarks, or keyframes with a pose.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/report/page.h"
 
+#include <cctype>
 #include <nlohmann/json.hpp>
 
 #include "firmware_tools/common/base64.h"
@@ -50,6 +51,21 @@ std::string ScriptJson(const nlohmann::ordered_json& json) {
     }
   }
   return safe;
+}
+
+std::string UrlPath(std::string_view path) {
+  constexpr std::string_view kPlain = "-._~/";
+  constexpr std::string_view kHex = "0123456789ABCDEF";
+  std::string url = "./";  // a colon further on then is no scheme
+  for (const char c : path) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (std::isalnum(byte) != 0 || kPlain.find(c) != std::string_view::npos) {
+      url += c;
+    } else {
+      url += {'%', kHex[byte >> 4], kHex[byte & 15]};
+    }
+  }
+  return url;
 }
 
 std::string PictureUrl(std::span<const std::uint8_t> file) {

@@ -34,6 +34,9 @@ std::string FillPage(std::string_view page, std::span<const PagePart> parts);
 // JSON as it may stand in a <script> element, whatever its strings hold.
 std::string ScriptJson(const nlohmann::ordered_json& json);
 
+// A path as a relative address: "./" and what a browser takes for itself as %XX.
+std::string UrlPath(std::string_view path);
+
 // A PNG or JPEG file as a data URL.
 std::string PictureUrl(std::span<const std::uint8_t> file);
 

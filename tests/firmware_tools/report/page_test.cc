@@ -28,6 +28,12 @@ TEST(ScriptJsonTest, NothingInAStringEndsTheScript) {
   EXPECT_EQ(read["</script><!--"], "<script>\xef\xbf\xbd & \" \\") << "bad UTF-8 is replaced";
 }
 
+TEST(UrlPathTest, WhatABrowserReadsOtherwiseIsEscaped) {
+  EXPECT_EQ(UrlPath("../maps/a-1.html"), "./../maps/a-1.html");
+  EXPECT_EQ(UrlPath("javascript:a(1)?#%"), "./javascript%3Aa%281%29%3F%23%25");
+  EXPECT_EQ(UrlPath("\xc3\xa4"), "./%C3%A4");
+}
+
 TEST(PictureUrlTest, SaysWhatItIs) {
   const std::uint8_t png[] = {0x89, 'P', 'N', 'G'};
   EXPECT_EQ(PictureUrl(png), "data:image/png;base64,iVBORw==");

@@ -13,6 +13,7 @@ import json
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -72,14 +73,19 @@ class PagesTest(unittest.TestCase):
         viewfix('simulate', '--out', site, '--seed', '1', '--images-per-view', '5')
         # Of two show windows that look alike, one has a hostile name.
         csv_file = rename(site, 'show_window_1', HOSTILE)
-        viewfix('train', csv_file, '--out', model, '--words', '50')
+        # Any picture will do.
+        shutil.copy(next((site / 'images').rglob('*.jpg')), cls.folder / 'plan.jpg')
+        align = cls.folder / 'align.csv'
+        align.write_text('px,py,x,y\n0,0,0,10\n640,0,100,10\n', encoding='utf-8')
+        viewfix('train', csv_file, '--out', model, '--words', '50', '--floorplan',
+                cls.folder / 'plan.jpg', '--floorplan-align', align)
         cls.map = cls.folder / 'map.html'
         fixes = cls.folder / 'fixes.jsonl'
         fixes.write_text(''.join(walk_of(csv_file)), encoding='utf-8')
         viewfix('map', model, '--out', cls.map, '--fixes', fixes)
         cls.report, cls.json = cls.folder / 'report.html', cls.folder / 'eval.json'
         viewfix('eval', csv_file, '--model', model, '--split', 'all', '--report', cls.report,
-                '--json', cls.json)
+                '--json', cls.json, '--map', cls.folder / 'map 2.html')
 
     def visit(self, file, name, ready='true', **options):
         page = browser.Browser(**options)
@@ -125,6 +131,12 @@ class PagesTest(unittest.TestCase):
         self.assert_plots_drawn(page)
         self.assertEqual(page.faults, [])
 
+    def test_the_report_leads_to_the_map(self):
+        page = self.visit(self.report, 'link')
+        page.evaluate("document.querySelector('a').click()")
+        page.wait_for('!!window.viewfixMap')
+        self.assertTrue(page.evaluate('decodeURI(location.href)').endswith('/map 2.html'))
+
     def test_hostile_names_are_text(self):
         page = self.visit(self.report, 'hostile')
         self.assertIn(HOSTILE, page.evaluate('document.body.innerText'))
@@ -156,7 +168,7 @@ class PagesTest(unittest.TestCase):
         self.assertGreater(self.colours_of_map(page), 50)
         self.assertEqual(page.evaluate("document.querySelectorAll('#legend button').length"), 10)
         self.assertIn(HOSTILE, page.evaluate("document.getElementById('legend').innerText"))
-        for part in ('points', 'keyframes', 'names'):
+        for part in ('points', 'keyframes', 'names', 'plan'):
             before = self.colours_of_map(page)
             page.evaluate(f"document.getElementById('show_{part}').click()")
             self.assertLess(self.colours_of_map(page), before, part)
