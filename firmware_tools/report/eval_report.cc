@@ -83,10 +83,7 @@ std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const 
                      {"floor_plan", FloorPlanUnder(figures, model)},
                      {"failures", FailurePictures(set).Of(figures)},
                      {"figures", figures}};
-  const std::string script_data = ScriptJson(data);
-  const PagePart parts[] = {
-      {"/*STYLE*/", PageStyle()}, {"/*LIBRARY*/", ChartLibrary()}, {"/*DATA*/", script_data}};
-  return FillPage(EvalReportPage(), parts);
+  return PlotPage(EvalReportPage(), data);
 }
 
 }  // namespace viewfix

@@ -53,6 +53,15 @@ std::string ScriptJson(const nlohmann::ordered_json& json) {
   return safe;
 }
 
+std::string PlotPage(std::string_view page, const nlohmann::ordered_json& data) {
+  const std::string script_data = ScriptJson(data);
+  const PagePart parts[] = {{"/*STYLE*/", PageStyle()},
+                            {"/*LIBRARY*/", ChartLibrary()},
+                            {"/*COMMON*/", PlotScript()},
+                            {"/*DATA*/", script_data}};
+  return FillPage(page, parts);
+}
+
 std::string UrlPath(std::string_view path) {
   constexpr std::string_view kPlain = "-._~/";
   constexpr std::string_view kHex = "0123456789ABCDEF";

@@ -19,7 +19,9 @@ std::string_view ThreeCoreLibrary();
 std::string_view ThreeLibrary();
 std::string_view OrbitControlsLibrary();
 std::string_view EvalReportPage();
+std::string_view ExperimentReportPage();
 std::string_view MapPage();
+std::string_view PlotScript();
 
 // Throws ToolError naming what is missing, and what to do, if a library of `what` is empty.
 void CheckLibrary(const std::string& what, std::string_view library, const std::string& name);
@@ -33,6 +35,9 @@ std::string FillPage(std::string_view page, std::span<const PagePart> parts);
 
 // JSON as it may stand in a <script> element, whatever its strings hold.
 std::string ScriptJson(const nlohmann::ordered_json& json);
+
+// A page with plots, and its data.
+std::string PlotPage(std::string_view page, const nlohmann::ordered_json& data);
 
 // A path as a relative address: "./" and what a browser takes for itself as %XX.
 std::string UrlPath(std::string_view path);

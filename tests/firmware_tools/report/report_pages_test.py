@@ -100,8 +100,8 @@ class PagesTest(unittest.TestCase):
         self.assertLessEqual(page.evaluate('document.documentElement.scrollWidth'), page.size[0])
         return page
 
-    def assert_plots_drawn(self, page):
-        self.assertEqual(sorted(page.evaluate('charts.map(c => c.name)')), sorted(PLOTS))
+    def assert_plots_drawn(self, page, plots=PLOTS):
+        self.assertEqual(sorted(page.evaluate('charts.map(c => c.name)')), sorted(plots))
         for i, name in enumerate(page.evaluate('charts.map(c => c.name)')):
             colours = page.evaluate(
                 f'(() => {{ const c = charts[{i}].canvas; return new Set(new Uint32Array('
@@ -130,6 +130,21 @@ class PagesTest(unittest.TestCase):
         page.wait_for("getComputedStyle(document.body).backgroundColor === 'rgb(255, 255, 255)'")
         self.assert_plots_drawn(page)
         self.assertEqual(page.faults, [])
+
+    def test_an_experiment_has_its_tables_and_plots(self):
+        report, file = self.folder / 'experiment.html', self.folder / 'experiment.json'
+        viewfix('experiment', self.folder / 'site' / 'renamed.csv', '--json', file, '--report',
+                report, '--splits', '1', '--words', '50', '--jobs', '1')
+        plots = ['accuracy of the methods', 'time for a prediction', 'accuracy by location']
+        figures = json.loads(file.read_text(encoding='utf-8'))
+        for name, options in (('experiment', {}), ('experiment_phone',
+                                                   {'width': 390, 'height': 844, 'dark': True})):
+            page = self.visit(report, name, **options)
+            self.assert_plots_drawn(page, plots)
+            self.assertEqual(page.evaluate("document.querySelector('table').rows.length"),
+                             1 + len(figures['methods']))
+            self.assertIn(HOSTILE, page.evaluate("document.getElementById('matrix').innerText"))
+            self.assertEqual(page.faults, [])
 
     def test_the_report_leads_to_the_map(self):
         page = self.visit(self.report, 'link')
