@@ -25,6 +25,11 @@ build_programs() {
   fi
 }
 
+# Without them, viewfix is built all the same.
+has_page_libraries() {
+  "$ROOT/toolchains/fetch_web_libraries.sh" 2> /dev/null
+}
+
 print_summary() {
   python3 - "$DEMO" << 'END'
 import collections, json, pathlib, sys
@@ -74,8 +79,12 @@ main() {
   step "Train a model"
   "$BIN/viewfix" train "$DEMO/museum" --out "$DEMO/museum.vfx"
   step "Evaluate it on the test images"
-  "$BIN/viewfix" eval "$DEMO/museum" --model "$DEMO/museum.vfx" --json "$DEMO/eval.json" |
-    tee "$DEMO/eval.txt"
+  local pages=()
+  if has_page_libraries; then
+    pages=(--report "$DEMO/report.html" --map "$DEMO/map.html")
+  fi
+  "$BIN/viewfix" eval "$DEMO/museum" --model "$DEMO/museum.vfx" --json "$DEMO/eval.json" \
+    "${pages[@]}" | tee "$DEMO/eval.txt"
   step "What is in the model"
   "$BIN/viewfix" inspect "$DEMO/museum.vfx" | tee "$DEMO/inspect.txt"
   step "Replay the test images through viewfixd"
@@ -84,15 +93,21 @@ main() {
   "$BIN/viewfixd" --model "$DEMO/museum.vfx" --camera "replay:$DEMO/replay" --filter off \
     --publish stdout > "$DEMO/fixes.jsonl"
   step "Summary"
-  print_summary | tee "$DEMO/report.txt"
+  print_summary | tee "$DEMO/summary.txt"
   cat << END
 
   photographs  build/demo/museum
   model        build/demo/museum.vfx
   evaluation   build/demo/eval.json
   fixes        build/demo/fixes.jsonl
-  report       build/demo/report.txt
+  summary      build/demo/summary.txt
 END
+  if [[ ${#pages[@]} -gt 0 ]]; then
+    echo '  report       build/demo/report.html (in a browser)'
+    echo '  map in 3D    build/demo/map.html'
+  else
+    echo "  no report.html: npm could not fetch what it is drawn with (build/demo-build.log)"
+  fi
 }
 
 main "$@"

@@ -18,9 +18,11 @@ readonly HEADERS_DIR="$ROOT/build/headers"
 # Of the packages of group "headers": all that is taken out of them.
 readonly HEADERS=(ceres/tiny_solver.h)
 
+# npm often comes with a Node.js that is not Debian's, and Debian's npm conflicts with that.
 missing_packages() {
   local name
   for name in $(packages_in "$@"); do
+    [[ $name != npm ]] || ! command -v npm > /dev/null || continue
     if [[ $(dpkg-query -W -f '${db:Status-Status}' "$name" 2> /dev/null) != installed ]]; then
       echo "$name"
     fi

@@ -19,6 +19,7 @@ void AddEval(CLI::App& app);
 void AddInspect(CLI::App& app);
 void AddExperiment(CLI::App& app);
 void AddExport(CLI::App& app);
+void AddMap(CLI::App& app);
 void AddCalibrate(CLI::App& app);
 void AddKeygen(CLI::App& app);
 void AddSign(CLI::App& app);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -9,6 +10,9 @@
 #include "firmware_tools/cli/terminal.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/evaluation/evaluate.h"
+#include "firmware_tools/report/eval_report.h"
+#include "firmware_tools/report/map_page.h"
+#include "firmware_tools/report/page.h"
 
 namespace viewfix {
 namespace {
@@ -20,6 +24,8 @@ struct EvalFlags {
   std::string split = "test";
   std::string unknown;
   std::string json;
+  std::string report;
+  std::string map;
   bool sequence = false;
   bool filter = false;
   int window = 0;
@@ -139,12 +145,43 @@ nlohmann::ordered_json Measure(const EvalFlags& flags, const ImageSet& set, cons
   return of_sequence;
 }
 
+void CheckPages(const EvalFlags& flags) {
+  if (!flags.report.empty()) {
+    CheckLibrary("--report", ChartLibrary(), "Chart.js");
+    CheckCanWrite(flags.report);
+  }
+  if (!flags.map.empty()) {
+    CheckMapLibraries("--map");
+    CheckCanWrite(flags.map);
+  }
+}
+
+// `file` as a link in `page`: relative, so that the folder of both may move.
+std::string LinkFrom(const std::filesystem::path& page, const std::filesystem::path& file) {
+  const auto folder = std::filesystem::absolute(page).parent_path();
+  const auto relative = std::filesystem::absolute(file).lexically_relative(folder);
+  return UrlPath(relative.generic_string());
+}
+
+void WritePages(const EvalFlags& flags, const ImageSet& set, const ModelView& model,
+                const nlohmann::ordered_json& figures) {
+  if (!flags.map.empty()) {
+    WriteTextFile(flags.map, MapHtml(flags.model, model, nlohmann::ordered_json::array()));
+  }
+  if (flags.report.empty()) return;
+  ReportTitle title = {flags.set, flags.model, flags.split, {}};
+  if (!flags.map.empty()) title.map = LinkFrom(flags.report, flags.map);
+  WriteTextFile(flags.report, EvalReportHtml(title, set, model, figures));
+}
+
 void RunEval(EvalFlags flags) {
   flags.sequence = flags.sequence || flags.filter;
   if (!flags.json.empty()) CheckCanWrite(flags.json);
+  CheckPages(flags);
   const auto bytes = ReadModelFile(flags.model);
   const Result<ModelView> model = ModelView::Open(bytes);
   if (!model.ok()) throw ToolError(flags.model + ": " + model.status().text());
+  if (!flags.map.empty()) CheckHasMap(flags.model, *model);
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   std::unique_ptr<Evaluation> unknown;
   if (!flags.unknown.empty()) {
@@ -153,8 +190,10 @@ void RunEval(EvalFlags flags) {
     unknown = std::make_unique<Evaluation>(
         Evaluate(LoadImageSet(flags.unknown), *model, all, ShowProgress("unknown places")));
   }
-  const auto figures = Measure(flags, set, *model, unknown.get());
+  auto figures = Measure(flags, set, *model, unknown.get());
+  figures["model_sections"] = SectionsAsJson(*model);
   if (!flags.json.empty()) WriteTextFile(flags.json, figures.dump(1) + "\n");
+  WritePages(flags, set, *model, figures);
   PrintFigures(flags.sequence ? figures["frame_alone"] : figures);
   if (flags.sequence) PrintSequence(figures);
 }
@@ -186,6 +225,11 @@ void AddEval(CLI::App& app) {
       ->capture_default_str();
   AddPosesFlag(*command, flags->poses);
   command->add_option("--json", flags->json, "write every figure to this file");
+  command->add_option("--report", flags->report,
+                      "write it all as one HTML page that works offline: plots, locations, worst "
+                      "failures");
+  command->add_option("--map", flags->map,
+                      "write also the page of viewfix map; the report links to it");
   command->callback([flags] { RunEval(*flags); });
 }
 

@@ -11,6 +11,8 @@
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/experiment/experiment.h"
 #include "firmware_tools/experiment/results.h"
+#include "firmware_tools/report/experiment_report.h"
+#include "firmware_tools/report/page.h"
 
 namespace viewfix {
 namespace {
@@ -19,6 +21,7 @@ struct ExperimentFlags {
   std::string set;
   std::string poses;
   std::string json;
+  std::string report;
   std::string histogram = "hellinger";
   ExperimentOptions options;
 };
@@ -27,6 +30,10 @@ void RunExperimentCommand(const ExperimentFlags& flags) {
   ExperimentOptions options = flags.options;
   options.histogram_map = flags.histogram == "l1" ? HistogramMap::kL1 : HistogramMap::kHellinger;
   CheckCanWrite(flags.json);
+  if (!flags.report.empty()) {
+    CheckLibrary("--report", ChartLibrary(), "Chart.js");
+    CheckCanWrite(flags.report);
+  }
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   const ExperimentResult result = RunExperiment(set, options, ShowProgress);
   for (const std::string& warning : result.warnings) {
@@ -34,6 +41,9 @@ void RunExperimentCommand(const ExperimentFlags& flags) {
   }
   const auto figures = ExperimentAsJson(set, result, options);
   WriteTextFile(flags.json, figures.dump(1) + "\n");
+  if (!flags.report.empty()) {
+    WriteTextFile(flags.report, ExperimentReportHtml(flags.set, figures));
+  }
   std::fputs(ExperimentAsText(figures).c_str(), stdout);
 }
 
@@ -48,6 +58,8 @@ void AddExperiment(CLI::App& app) {
                          "Example: viewfix experiment museum --json museum-experiment.json");
   command->add_option("set", flags->set, "folder of an image set, or its CSV")->required();
   command->add_option("--json", flags->json, "write every figure to this file")->required();
+  command->add_option("--report", flags->report,
+                      "write them as one HTML page that works offline: tables and plots");
   command
       ->add_option("--splits", options.splits,
                    "divisions into training and test images: the set's own first, if it has one, "

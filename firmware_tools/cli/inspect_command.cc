@@ -10,6 +10,7 @@
 
 #include "firmware_tools/cli/commands.h"
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/evaluation/evaluate.h"
 #include "firmware_tools/mapping/model_export.h"
 #include "models/model_view.h"
 #include "platform/file.h"
@@ -23,23 +24,6 @@ struct InspectFlags {
   std::string model;
   bool json = false;
 };
-
-Json Sections(const ModelView& model) {
-  const ModelKeyframes& k = model.keyframes();
-  const ModelLandmarks& l = model.landmarks();
-  const ModelDetails& d = model.details();
-  return {{"vocabulary", model.vocabulary().words.size_bytes()},
-          {"weights", model.scoring().weights.size_bytes()},
-          {"keyframe_histograms", k.word_begin.size_bytes() + k.words.size_bytes()},
-          {"keyframe_poses", k.pose.size_bytes() + k.has_pose.size_bytes()},
-          {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
-          {"landmark_positions", l.position.size_bytes()},
-          {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
-          {"details", d.rotation.size_bytes() + d.codebook.size_bytes() + d.list_size.size_bytes() +
-                          d.codes.size_bytes()},
-          {"floor_plan", model.floor_plan().picture.size()},
-          {"record", model.record().size()}};
-}
 
 Json Locations(const ModelView& model) {
   const ModelScoring& s = model.scoring();
@@ -107,7 +91,7 @@ Json Describe(const ModelView& model) {
   json["hash"] = std::string(hash.begin(), hash.end());
   json["format_version"] = kModelFormatVersion;
   json["bytes"] = model.bytes().size();
-  json["sections"] = Sections(model);
+  json["sections"] = SectionsAsJson(model);
   json["features"] = {{"type", f.type == 1 ? "surf" : "sift"},
                       {"version", f.version},
                       {"descriptor_dim", f.descriptor_dim},

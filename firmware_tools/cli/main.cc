@@ -22,6 +22,7 @@ int main(int argc, char** argv) {
   viewfix::AddExperiment(app);
   viewfix::AddInspect(app);
   viewfix::AddExport(app);
+  viewfix::AddMap(app);
   viewfix::AddCalibrate(app);
   viewfix::AddKeygen(app);
   viewfix::AddSign(app);

@@ -63,7 +63,9 @@ void RankKeyframes(const ModelView& model, std::span<const float> similarity, in
                    [&](int a, int b) { return similarity[a] > similarity[b]; });
   result.nearest_location = model.location_name(LocationOfKeyframe(model, order[0]));
   for (int rank = 0; rank < size && result.nearest_rank == 0; ++rank) {
-    if (LocationOfKeyframe(model, order[rank]) == truth) result.nearest_rank = rank + 1;
+    if (LocationOfKeyframe(model, order[rank]) != truth) continue;
+    result.nearest_rank = rank + 1;
+    result.right_keyframe = model.keyframe_name(order[rank]);
   }
 }
 
@@ -98,7 +100,16 @@ bool Comparable(const ModelView& model, int k) {
 // Where the set's poses say nothing of the map's frame of reference, nothing is compared.
 void ComparePoses(const ModelView& model, const std::optional<Similarity>& world_from_map,
                   const ImageRecord& image, FrameResult& result) {
-  if (!image.pose || !world_from_map) return;
+  if (!world_from_map) return;
+  const bool has_pose = result.fix.has_pose && result.fix.map_idx == 0;
+  // A metric map is drawn as it is, over its floor plan; another one as it lies among the poses.
+  const Similarity drawn_from_world = model.metric() ? Inverse(*world_from_map) : Similarity();
+  if (has_pose) {
+    const Eigen::Vector3d& in_map = result.fix.world_from_cam.translation;
+    result.position = model.metric() ? in_map : *world_from_map * in_map;
+  }
+  if (!image.pose) return;
+  result.true_position = drawn_from_world * image.pose->cam_in_world;
   const int k = result.fix.keyframe_idx;
   if (k >= 0 && Comparable(model, k)) {
     const PoseError error =
@@ -106,7 +117,7 @@ void ComparePoses(const ModelView& model, const std::optional<Similarity>& world
     result.keyframe_distance = error.metres;
     result.keyframe_angle_deg = error.degrees;
   }
-  if (result.fix.has_pose && result.fix.map_idx == 0) {
+  if (has_pose) {
     const PoseError error = ErrorOf(*world_from_map, result.fix.world_from_cam, *image.pose);
     result.translation_error = error.metres;
     result.rotation_error_deg = error.degrees;
@@ -159,6 +170,7 @@ void Describe(const ModelView& model, const Localizer& localizer, const ImageRec
   if (result.fix.location_idx < 0) return;
   result.location = model.location_name(result.fix.location_idx);
   result.view = model.view_name(model.scoring().pair_view[result.fix.pair_idx]);
+  if (result.fix.keyframe_idx >= 0) result.keyframe = model.keyframe_name(result.fix.keyframe_idx);
   if (result.fix.tracked) return;  // without scores
   const int truth = FindLocation(model, image.location);
   if (truth >= 0) {
@@ -257,6 +269,7 @@ Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateO
                     const Progress& progress) {
   Evaluation evaluation;
   evaluation.model_bytes = model.bytes().size();
+  evaluation.positions_in = model.metric() ? Evaluation::Frame::kSite : Evaluation::Frame::kSet;
   const nlohmann::ordered_json record = RecordOf(model);
   evaluation.model_has_view_labels = record.value("view_source", "") == "labels";
   const std::vector<int> idxs = ImagesOf(set, options.split);

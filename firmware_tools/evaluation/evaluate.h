@@ -23,6 +23,11 @@ struct FrameResult {
   std::string scored_location;   // best by eq. (5) alone, keyframes left out
   std::string nearest_location;  // location of the nearest keyframe of all
   int nearest_rank = 0;          // rank, from 1, of the first keyframe of the right location
+  std::string keyframe;          // photograph of the fix's keyframe; empty: none, or not told
+  std::string right_keyframe;    // of the first keyframe of the right location, likewise
+  // Where the camera was found and where it was, metres: Evaluation::positions_in.
+  std::optional<Eigen::Vector3d> position;
+  std::optional<Eigen::Vector3d> true_position;
   std::optional<double> keyframe_distance;   // metres from the truth to the fix's keyframe
   std::optional<double> keyframe_angle_deg;  // between their viewing poses
   std::optional<double> translation_error;   // metres, of the fix's pose
@@ -51,6 +56,9 @@ struct Evaluation {
     double median = 0;
   };
   std::optional<Alignment> alignment;
+  // Of positions: the model's site coordinates, or, where the map is not metric, the set's.
+  enum class Frame { kSite, kSet };
+  Frame positions_in = Frame::kSite;
   bool model_has_view_labels = false;  // its views are those of the set's `view` column
 };
 
@@ -62,6 +70,9 @@ struct Evaluation {
 // the split, or more than a fifth of them unreadable.
 Evaluation Evaluate(const ImageSet& set, const ModelView& model, const EvaluateOptions& options,
                     const Progress& progress);
+
+// The bytes of a model's parts.
+nlohmann::ordered_json SectionsAsJson(const ModelView& model);
 
 // The figures of interfaces.md, `eval --json`. `unknown` may be null.
 nlohmann::ordered_json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation,

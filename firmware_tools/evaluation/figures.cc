@@ -3,6 +3,7 @@
 #include <cmath>
 #include <functional>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "engine/base/location_name.h"
@@ -32,6 +33,12 @@ Json OrNull(const std::optional<double>& value) {
   return value && std::isfinite(*value) ? Json(*value) : Json();
 }
 
+Json Position(const std::optional<Eigen::Vector3d>& position) {
+  return position ? Json({position->x(), position->y(), position->z()}) : Json();
+}
+
+Json NameOrNull(const std::string& name) { return name.empty() ? Json() : Json(name); }
+
 Json Reasons(const Fix& fix) {
   Json names = Json::array();
   for (const Reason reason : kAllReasons) {
@@ -59,6 +66,12 @@ class Figures {
   Json Refusal() const;
   Json Confidence() const;
   Json Latency() const;
+  Json PerLocation() const;
+  Json Confusion() const;
+  Json Failures() const;
+  Json PositionsIn() const {
+    return evaluation_.positions_in == Evaluation::Frame::kSite ? "site" : "set";
+  }
   Json PerFrame() const;
 
  private:
@@ -275,12 +288,67 @@ Json Figures::Latency() const {
   return latency;
 }
 
+// In the order of the names.
+Json Figures::PerLocation() const {
+  struct Tally {
+    int images = 0, right = 0, answered = 0, wrong = 0;
+  };
+  std::map<std::string, Tally> tallies;
+  for (const FrameResult& f : evaluation_.frames) {
+    if (!HasLocation(f)) continue;
+    Tally& tally = tallies[Truth(f).location];
+    tally.images += 1;
+    tally.right += f.location == Truth(f).location ? 1 : 0;
+    tally.answered += f.fix.localized ? 1 : 0;
+    tally.wrong += f.fix.localized && Wrong(f) ? 1 : 0;
+  }
+  Json rows = Json::array();
+  for (const auto& [name, tally] : tallies) {
+    rows.push_back({{"location", name},
+                    {"images", tally.images},
+                    {"right", tally.right},
+                    {"answered", tally.answered},
+                    {"wrong", tally.wrong}});
+  }
+  return rows;
+}
+
+// The pairs of true location and best guess that occur; a guess of null: none.
+Json Figures::Confusion() const {
+  std::map<std::pair<std::string, std::string>, int> counts;
+  for (const FrameResult& f : evaluation_.frames) {
+    if (HasLocation(f)) counts[{Truth(f).location, f.location}] += 1;
+  }
+  Json cells = Json::array();
+  for (const auto& [pair, images] : counts) {
+    cells.push_back({{"true", pair.first}, {"guess", NameOrNull(pair.second)}, {"images", images}});
+  }
+  return cells;
+}
+
+// Frames whose answer or best guess is wrong, as places in `frames`: answers first, the surest of
+// each first.
+Json Figures::Failures() const {
+  std::vector<int> failures;
+  for (int i = 0; i < size(); ++i) {
+    if (Wrong(evaluation_.frames[i])) failures.push_back(i);
+  }
+  std::stable_sort(failures.begin(), failures.end(), [&](int a, int b) {
+    const Fix& fix_a = evaluation_.frames[a].fix;
+    const Fix& fix_b = evaluation_.frames[b].fix;
+    return fix_a.localized != fix_b.localized ? fix_a.localized
+                                              : fix_a.confidence > fix_b.confidence;
+  });
+  return failures;
+}
+
 Json Figures::PerFrame() const {
   Json rows = Json::array();
   for (const FrameResult& f : evaluation_.frames) {
     rows.push_back({{"path", Truth(f).path},
                     {"localized", f.fix.localized},
                     {"level", AnsweredLevels(f)},
+                    {"wrong", Wrong(f)},
                     {"reasons", Reasons(f.fix)},
                     {"location", f.location},
                     {"true_location", Truth(f).location},
@@ -293,6 +361,10 @@ Json Figures::PerFrame() const {
                     {"score", f.fix.score},
                     {"margin", f.fix.margin},
                     {"features", f.fix.num_features},
+                    {"keyframe", NameOrNull(f.keyframe)},
+                    {"right_keyframe", NameOrNull(f.right_keyframe)},
+                    {"position", Position(f.position)},
+                    {"true_position", Position(f.true_position)},
                     {"keyframe_distance_m", OrNull(f.keyframe_distance)},
                     {"keyframe_angle_deg", OrNull(f.keyframe_angle_deg)},
                     {"inliers", f.fix.num_inliers},
@@ -323,7 +395,33 @@ Json UnknownFrames(const Evaluation& unknown) {
   return rows;
 }
 
+void AddFrames(const Figures& figures, Json& json) {
+  json["latency_ms"] = figures.Latency();
+  json["locations"] = figures.PerLocation();
+  json["confusion"] = figures.Confusion();
+  json["failures"] = figures.Failures();
+  json["positions_in"] = figures.PositionsIn();
+  json["frames"] = figures.PerFrame();
+}
+
 }  // namespace
+
+Json SectionsAsJson(const ModelView& model) {
+  const ModelKeyframes& k = model.keyframes();
+  const ModelLandmarks& l = model.landmarks();
+  const ModelDetails& d = model.details();
+  return {{"vocabulary", model.vocabulary().words.size_bytes()},
+          {"weights", model.scoring().weights.size_bytes()},
+          {"keyframe_histograms", k.word_begin.size_bytes() + k.words.size_bytes()},
+          {"keyframe_poses", k.pose.size_bytes() + k.has_pose.size_bytes()},
+          {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
+          {"landmark_positions", l.position.size_bytes()},
+          {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
+          {"details", d.rotation.size_bytes() + d.codebook.size_bytes() + d.list_size.size_bytes() +
+                          d.codes.size_bytes()},
+          {"floor_plan", model.floor_plan().picture.size()},
+          {"record", model.record().size()}};
+}
 
 Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Evaluation* unknown) {
   const Figures figures(set, evaluation);
@@ -350,8 +448,7 @@ Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Eval
         {"localized", Share(static_cast<int>(localized), static_cast<int>(unknown->frames.size()))},
         {"frames", UnknownFrames(*unknown)}};
   }
-  json["latency_ms"] = figures.Latency();
-  json["frames"] = figures.PerFrame();
+  AddFrames(figures, json);
   return json;
 }
 
@@ -367,8 +464,7 @@ Json SequenceAsJson(const ImageSet& set, const Evaluation& sequence, const Json&
   json["pose"] = figures.Pose();
   json["refusal"] = figures.Refusal();
   json["confidence"] = figures.Confidence();
-  json["latency_ms"] = figures.Latency();
-  json["frames"] = figures.PerFrame();
+  AddFrames(figures, json);
   json["frame_alone"] = alone;
   return json;
 }

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <vector>
 
+#include "firmware_tools/common/base64.h"
 #include "firmware_tools/dataset/image_set.h"
 
 namespace viewfix {
@@ -27,14 +28,6 @@ constexpr std::uint64_t kMaxMemoryBytes = std::uint64_t{1} << 31;
 constexpr std::uint64_t kMaxOperations = std::uint64_t{1} << 27;
 
 using SecretFile = std::array<std::uint8_t, kFileBytes>;
-
-std::string Base64(std::span<const std::uint8_t> bytes) {
-  constexpr int kVariant = sodium_base64_VARIANT_ORIGINAL;
-  std::string text(sodium_base64_encoded_len(bytes.size(), kVariant), 0);
-  sodium_bin2base64(text.data(), text.size(), bytes.data(), bytes.size(), kVariant);
-  text.pop_back();
-  return text;
-}
 
 std::string CommentedLine(std::string_view comment, std::span<const std::uint8_t> bytes) {
   std::string text(kUntrustedPrefix);

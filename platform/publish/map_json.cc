@@ -62,13 +62,6 @@ void AppendPoints(const ModelLandmarks& landmarks, std::string& text) {
   text.append("]");
 }
 
-// The map that a keyframe's pose is of: its landmarks', else the first.
-int MapOfKeyframe(const ModelView& model, int keyframe_idx) {
-  const auto& begin = model.keyframes().landmark_begin;
-  if (begin.empty() || begin[keyframe_idx] == begin[std::size_t(keyframe_idx) + 1]) return 0;
-  return model.MapOf(model.keyframes().landmarks[begin[keyframe_idx]]);
-}
-
 // The z axis of world_from_cam's rotation, seen from above.
 std::array<double, 2> ViewDirection(std::span<const float> q) {
   const double x = q[0], y = q[1], z = q[2], w = q[3];
@@ -107,6 +100,12 @@ void AppendKeyframes(const ModelView& model, std::string& text) {
 }
 
 }  // namespace
+
+int MapOfKeyframe(const ModelView& model, int keyframe_idx) {
+  const auto& begin = model.keyframes().landmark_begin;
+  if (begin.empty() || begin[keyframe_idx] == begin[std::size_t(keyframe_idx) + 1]) return 0;
+  return model.MapOf(model.keyframes().landmarks[begin[keyframe_idx]]);
+}
 
 std::string MapJson(const ModelView& model) {
   const auto hash = model.short_hash();

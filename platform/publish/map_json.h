@@ -16,4 +16,7 @@ namespace viewfix {
 //   look locations     the names
 std::string MapJson(const ModelView& model);
 
+// The map that a keyframe's pose is of: its landmarks', else the first.
+int MapOfKeyframe(const ModelView& model, int keyframe_idx);
+
 }  // namespace viewfix

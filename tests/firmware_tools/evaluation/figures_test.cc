@@ -64,6 +64,29 @@ TEST_F(FiguresTest, DiagramsHaveTheirPoints) {
   EXPECT_TRUE(Figures()["confidence"]["reliability"].empty());
 }
 
+TEST_F(FiguresTest, LocationsConfusionAndFailuresAreCounted) {
+  Add("f1/hall", "f1/hall", 2, 0.9F);
+  Add("f1/hall", "f2/hall", 2, 0.6F);  // answered, wrong
+  Add("f1/hall", "f2/hall", 2, 0.8F);  // the same, surer
+  Add("f2/hall", "", 0, 0.1F);         // no guess
+  Add("f2/hall", "f1/hall", 0, 0.3F);  // not answered
+  Add("", "f1/hall", 2, 0.9F);         // nobody knows
+  const auto figures = Figures();
+  EXPECT_EQ(figures["locations"][0],
+            nlohmann::ordered_json::parse(
+                R"({"location": "f1/hall", "images": 3, "right": 1, "answered": 3, "wrong": 2})"));
+  EXPECT_EQ(figures["locations"][1],
+            nlohmann::ordered_json::parse(
+                R"({"location": "f2/hall", "images": 2, "right": 0, "answered": 0, "wrong": 0})"));
+  EXPECT_EQ(figures["confusion"], nlohmann::ordered_json::parse(R"([
+      {"true": "f1/hall", "guess": "f1/hall", "images": 1},
+      {"true": "f1/hall", "guess": "f2/hall", "images": 2},
+      {"true": "f2/hall", "guess": null, "images": 1},
+      {"true": "f2/hall", "guess": "f1/hall", "images": 1}])"));
+  EXPECT_EQ(figures["failures"], nlohmann::json({2, 1, 4, 3})) << "answers first, surest first";
+  EXPECT_EQ(figures["frames"][2]["wrong"], true);
+}
+
 TEST_F(FiguresTest, ReasonsAreNamed) {
   Add("f1/hall", "f1/hall", 0, 0.4F);
   evaluation_.frames[0].fix.reasons = kBlurred | kLowInliers;

@@ -76,18 +76,20 @@ class Browser:
         self.size = (width, height)
         self.dark = dark
         self.last_id = 0
-        self.faults = []  # exceptions and errors of the page's script
+        self.faults = []  # exceptions and errors of the page, those in its console among them
 
     def __enter__(self):
         self.folder = tempfile.mkdtemp(prefix='viewfix-browser-')
         self.process = subprocess.Popen(
-            [find(), '--headless=new', '--no-sandbox', '--disable-gpu', '--no-first-run',
+            [find(), '--headless=new', '--no-sandbox', '--disable-gpu',
+             '--enable-unsafe-swiftshader', '--no-first-run',
              '--disable-dev-shm-usage', '--hide-scrollbars', '--remote-debugging-port=0',
              f'--user-data-dir={self.folder}', f'--window-size={self.size[0]},{self.size[1]}',
              'about:blank'], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         self.socket = _WebSocket(self._page_url())
         self.call('Page.enable')
         self.call('Runtime.enable')
+        self.call('Log.enable')
         self.call('Emulation.setDeviceMetricsOverride', width=self.size[0], height=self.size[1],
                   deviceScaleFactor=1, mobile=False)
         self.call('Emulation.setEmulatedMedia', features=[
@@ -122,6 +124,12 @@ class Browser:
             message = json.loads(self.socket.receive())
             if message.get('method') == 'Runtime.exceptionThrown':
                 self.faults.append(message['params']['exceptionDetails'].get('text', 'exception'))
+            if (message.get('method') == 'Runtime.consoleAPICalled' and
+                    message['params']['type'] in ('error', 'assert')):
+                self.faults.append(str(message['params']['args']))
+            if (message.get('method') == 'Log.entryAdded' and
+                    message['params']['entry']['level'] == 'error'):
+                self.faults.append(message['params']['entry']['text'])
             if message.get('id') == self.last_id:
                 if 'error' in message:
                     raise RuntimeError(f"{method}: {message['error']}")

@@ -1,0 +1,88 @@
+// What the pages with plots share.
+// Every name of a place or a file becomes text by textContent, never markup.
+const data = JSON.parse(document.getElementById('data').textContent);
+const figures = data.figures;
+const charts = [];
+
+function add(parent, tag, text, className) {
+  const element = document.createElement(tag);
+  if (text !== undefined && text !== null) element.textContent = text;
+  if (className) element.className = className;
+  parent.append(element);
+  return element;
+}
+function card(heading, explanation, wide) {
+  const section = add(document.getElementById('cards'), 'section', null, wide ? 'card wide' : 'card');
+  add(section, 'h2', heading);
+  if (explanation) add(section, 'p', explanation, 'quiet');
+  return section;
+}
+const isNumber = value => typeof value === 'number';
+const percent = value => isNumber(value) ? (100 * value).toFixed(1) + ' %' : '–';
+const interval = pair => Array.isArray(pair) ? `${(100 * pair[0]).toFixed(1)}–${(100 * pair[1]).toFixed(1)} %` : '';
+const milliseconds = value => isNumber(value) ? value.toFixed(1) + ' ms' : '–';
+
+// Plots: made again whenever the colours change.
+function colour(name) { return getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim(); }
+function plot(section, name, make, tall) {
+  const frame = add(section, 'div', null, tall ? 'plot tall' : 'plot');
+  const canvas = add(frame, 'canvas');
+  canvas.setAttribute('role', 'img');
+  canvas.setAttribute('aria-label', name);
+  const entry = {name, canvas, chart: null, draw() {
+    if (entry.chart) entry.chart.destroy();
+    Chart.defaults.color = colour('quiet');
+    Chart.defaults.borderColor = colour('line');
+    Chart.defaults.font.family = 'system-ui, sans-serif';
+    const config = make(frame);
+    config.options = {animation: false, maintainAspectRatio: false, ...config.options};
+    entry.chart = new Chart(canvas, config);
+  }};
+  charts.push(entry);
+}
+const drawAll = () => charts.forEach(entry => entry.draw());
+const axis = (text, options) => ({title: {display: true, text}, ...options});
+const share = text => axis(text, {min: 0, max: 1, ticks: {callback: value => Math.round(100 * value) + ' %'}});
+const nameOf = location => location || 'no guess';
+
+// Cells {true, guess, images}, those that occur; a guess of null: none.
+function confusionMatrix(section, cells) {
+  const names = [...new Set(cells.flatMap(c => [c.true, nameOf(c.guess)]))].sort();
+  const wrong = cells.filter(c => c.true !== c.guess).sort((a, b) => b.images - a.images);
+  if (names.length > 30) return confusionList(section, wrong);
+  add(section, 'p', 'Rows: where the image was taken. Columns: the best guess.', 'quiet');
+  const count = new Map(cells.map(c => [c.true + '\n' + nameOf(c.guess), c.images]));
+  const table = add(add(section, 'div', null, 'scroll'), 'table');
+  table.id = 'matrix';
+  const head = add(add(table, 'thead'), 'tr');
+  add(head, 'th');
+  names.forEach(name => add(add(head, 'th'), 'span', name));
+  for (const truth of names.filter(name => cells.some(c => c.true === name))) {
+    const line = add(table, 'tr');
+    add(line, 'th', truth, 'row');
+    const total = cells.filter(c => c.true === truth).reduce((sum, c) => sum + c.images, 0);
+    for (const guess of names) {
+      const images = count.get(truth + '\n' + guess) ?? 0;
+      const cell = add(line, 'td', images || '');
+      if (images) cell.style.background =
+          `color-mix(in srgb, var(${truth === guess ? '--green' : '--red'}) ${20 + 40 * images / total}%, transparent)`;
+    }
+  }
+}
+function confusionList(section, wrong) {
+  add(section, 'p', wrong.length > 40 ? `The 40 most frequent of ${wrong.length} confusions.` : 'All confusions.', 'quiet');
+  const table = add(add(section, 'div', null, 'scroll'), 'table');
+  table.id = 'matrix_list';
+  const head = add(table, 'tr');
+  for (const text of ['taken at', 'best guess', 'images']) add(head, 'th', text);
+  for (const c of wrong.slice(0, 40)) {
+    const line = add(table, 'tr');
+    add(line, 'td', c.true);
+    add(line, 'td', nameOf(c.guess));
+    add(line, 'td', c.images, 'number');
+  }
+}
+
+matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawAll);
+window.addEventListener('resize', drawAll);
+matchMedia('print').addEventListener('change', drawAll);

@@ -1,0 +1,52 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: BSD-3-Clause
+# Fetches the JavaScript libraries of viewfix's HTML pages by npm.
+#
+#   toolchains/fetch_web_libraries.sh
+#
+# Each of toolchains/web_libraries.txt, in its version and with its SHA-512 checked, goes to
+# build/web/NAME-VERSION. Does nothing where all are there. CMake runs this when it configures;
+# without them viewfix is built all the same, and cannot write pages.
+set -euo pipefail
+source "$(dirname "${BASH_SOURCE[0]}")/common.sh"
+
+readonly WEB="$ROOT/build/web"
+
+# fetch NAME VERSION SHA512 FILE...
+fetch() {
+  local name=$1 version=$2 sha512=$3 archive file
+  shift 3
+  command -v npm > /dev/null || die "$name $version is missing: npm is not installed"
+  mkdir -p "$WEB"
+  work=$(mktemp -d "$WEB/$name-$version.XXXXXX")
+  trap 'rm -rf "$work"' EXIT
+  (cd "$work" && npm pack "$name@$version" --silent --fetch-retries 1 --fetch-timeout 30000 \
+    > /dev/null) || die "$name $version is missing: npm could not fetch it"
+  archive="$work/$name-$version.tgz"
+  sha512sum --check --status <<< "$sha512  $archive" ||
+    die "$name $version: what npm fetched does not have the SHA-512 of toolchains/web_libraries.txt"
+  mkdir "$work/files"
+  for file in "$@"; do
+    tar -xzf "$archive" -C "$work/files" --strip-components=1 --no-same-owner "package/$file"
+  done
+  chmod 755 "$work/files"
+  rm -rf "${WEB:?}/$name-$version"
+  mv "$work/files" "$WEB/$name-$version"
+  rm -rf "$work"
+}
+
+main() {
+  local name version sha512 files
+  case ${1:-} in
+    -h | --help) print_help; return ;;
+    '') ;;
+    *) usage_error "unknown argument '$1'" ;;
+  esac
+  while read -r name version sha512 files; do
+    [[ -n $name && $name != '#'* ]] || continue
+    # shellcheck disable=SC2086  # a list of files
+    [[ -d $WEB/$name-$version ]] || fetch "$name" "$version" "$sha512" $files
+  done < "$ROOT/toolchains/web_libraries.txt"
+}
+
+main "$@"
