@@ -173,8 +173,9 @@ std::string MissingCalibration(const ImageSet& set, std::span<const int> image_i
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site) {
   ImageSet mapped = set;
   std::map<std::string, Rigid3> cam_from_world;
-  if (!site.maps.empty()) {
-    for (const MapImage& image : site.maps.front().images) {
+  for (std::size_t m = 0; m < site.maps.size(); ++m) {
+    if (m > 0 && !(site.metric && site.placements[m].metric)) continue;
+    for (const MapImage& image : site.maps[m].images) {
       cam_from_world[image.name] = image.cam_from_world;
     }
   }

@@ -58,8 +58,9 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
 // each has a camera of the set.
 std::string MissingCalibration(const ImageSet& set, std::span<const int> image_idxs);
 
-// The set with the poses of a site's maps in place of its own; images in none have no pose. Only
-// the largest map's are taken: the others have frames of reference of their own.
+// The set with the poses of a site's maps in place of its own; images in none have no pose. Taken
+// are the largest map's, and those of all that are in the site's frame if it is too: the others
+// have frames of reference of their own.
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site);
 
 // What a model's record says of its maps: sizes, how each was placed, residuals of the controls.
