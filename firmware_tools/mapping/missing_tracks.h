@@ -9,8 +9,8 @@
 namespace viewfix {
 
 struct MissingTrackOptions {
-  int window = 8;      // frames of one capture at most this far apart in order are neighbours
-  int min_length = 6;  // key points of a track that is sure to belong to its place
+  int window = 8;       // frames of one capture at most this far apart in order are neighbours
+  int min_length = 6;   // key points of a track that is sure to belong to its place
   int min_chances = 6;  // to be seen by the other stretch's frames, before a track is missing there
   // Greatest share of patches that are holes between two stretches that show the same place, and
   // how many patches it takes to say so. The museum, seed 1: of two show windows that share half

@@ -32,8 +32,8 @@ std::vector<Stand> WalkThrough(const simulation::Room& room, simulation::Random&
        {std::pair{1, 1.0}, {1, 0.4}, {0, 0.6}, {0, 0.3}, {1, 0.5}, {1, 0.9}}) {
     const simulation::Approach& approach = room.approaches[approach_idx];
     const double nearest{approach.nearest}, farthest{approach.farthest};
-    corners.push_back(simulation::FreeStand(room, approach,
-                                            nearest + share * (farthest - nearest), random));
+    corners.push_back(
+        simulation::FreeStand(room, approach, nearest + share * (farthest - nearest), random));
     corners.back().roll = 0;
   }
   std::vector<Stand> stands;
