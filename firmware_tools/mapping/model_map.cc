@@ -256,6 +256,7 @@ class Writer {
 void AddMapToModel(const SiteMap& site, const ImageSet& set, const FeatureStore& features,
                    std::span<const int> keyframe_image_idxs, const ModelMapOptions& options,
                    ModelData& model) {
+  if (site.maps.empty()) return;
   std::set<std::string> keyframes;
   for (const int i : keyframe_image_idxs) keyframes.insert(set.images[i].path);
   std::vector<std::vector<int>> chosen;

@@ -8,6 +8,7 @@
 
 #include "firmware_tools/mapping/pair_selection.h"
 #include "firmware_tools/mapping/sfm.h"
+#include "firmware_tools/mapping/triangulate.h"
 
 namespace viewfix {
 namespace {
@@ -63,7 +64,12 @@ SiteMap Reconstruct(const MapInput& input, const Matched& matched, const SiteMap
                     const std::function<Progress(const std::string&)>& stages) {
   SiteMap site;
   if (options.source == MapSource::kPoses) {
-    site.maps.push_back(TriangulateWithPoses(input, matched.pairs, {}, options.jobs,
+    TriangulateOptions triangulate;
+    if (options.pose_sigma > 0) {
+      triangulate.adjustments = 2;
+      triangulate.adjust.position_sigma = options.pose_sigma;
+    }
+    site.maps.push_back(TriangulateWithPoses(input, matched.pairs, triangulate, options.jobs,
                                              Begin(stages, "triangulation")));
     return site;
   }

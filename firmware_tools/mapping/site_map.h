@@ -26,6 +26,9 @@ enum class MapSource {
 
 struct SiteMapOptions {
   MapSource source = MapSource::kPoses;
+  // How sure kPoses are, units of the set: they are adjusted together with the landmarks and keep
+  // the set's frame. 0: they are right as they are.
+  double pose_sigma = 0;
   std::filesystem::path work_folder;  // COLMAP's, kept
   SiteControls controls;              // none: maps keep the frame that they come in
   int seed = 1;

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <random>
 #include <set>
 
 #include "tests/firmware_tools/mapping/synthetic_scene.h"
@@ -230,6 +231,33 @@ TEST(AddMapToModel, EveryKeyframeKeepsLandmarksAllOverItsImage) {
       EXPECT_GE(kept.at(name)[cell], std::min(2, cells[cell])) << name << " " << cell;
     }
   }
+}
+
+// Given poses, each a few centimetres off, come nearer the truth and stay in their frame.
+TEST(MapSite, PosesThatAreNotSureAreAdjusted) {
+  const SyntheticScene truth({.num_frames = 12, .num_points = 500});
+  SceneSet scene;
+  scene.Add(truth, "walk");
+  std::mt19937 random(3);
+  std::normal_distribution<double> noise(0, 0.03);
+  for (ImageRecord& image : scene.set.images) {
+    for (double& x : image.pose->cam_in_world) x += noise(random);
+  }
+  SiteMapOptions options;
+  options.jobs = 1;
+  const auto rms = [&] {
+    const SiteMap site =
+        MapSite(scene.set, scene.features, scene.all, scene.similarity, options, {});
+    double sum2 = 0;
+    for (std::size_t i = 0; i < truth.cam_from_world.size(); ++i) {
+      const Rigid3 pose = Inverse(site.maps[0].images[i].cam_from_world);
+      sum2 += (pose.translation - Inverse(truth.cam_from_world[i]).translation).squaredNorm();
+    }
+    return std::sqrt(sum2 / static_cast<double>(truth.cam_from_world.size()));
+  };
+  const double given = rms();
+  options.pose_sigma = 0.03;
+  EXPECT_LT(rms(), 0.7 * given);
 }
 
 // Photographs of a walk may be in the map alone: no keyframe would propose what only they see.
