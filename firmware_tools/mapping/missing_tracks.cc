@@ -116,6 +116,7 @@ class MissingTracks {
   std::vector<VerifiedPair> Keep() {
     std::vector<Verdict> verdicts(pairs_.size(), Verdict::kSame);
     JudgeStretches(verdicts);
+    DropLookAlikeWalks(verdicts);
     DropChanceLinks(verdicts);
     std::vector<VerifiedPair> kept;
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
@@ -125,6 +126,8 @@ class MissingTracks {
   }
 
  private:
+  using Walks = std::pair<std::string, std::string>;
+
   bool IsFar(const FramePair& frames) const {
     return order_.AreApart(frames.first_idx, frames.second_idx, options_.window);
   }
@@ -210,12 +213,8 @@ class MissingTracks {
 
   // Pairs of the same two blocks of frames are judged as one, by all pairs about them.
   void JudgeStretches(std::vector<Verdict>& verdicts) const {
-    using Walks = std::pair<std::string, std::string>;
     std::map<Walks, std::vector<const FarPair*>> of_walks;
-    for (const FarPair& far : far_) {
-      const auto [a, b] = pairs_[far.pair_idx].frames;
-      of_walks[{input_.frames[a].capture, input_.frames[b].capture}].push_back(&far);
-    }
+    for (const FarPair& far : far_) of_walks[WalksOf(pairs_[far.pair_idx])].push_back(&far);
     Tally tally(num_tracks_);
     for (const auto& [walks, all] : of_walks) {
       std::map<std::pair<int, int>, std::vector<const FarPair*>> of_blocks;
@@ -245,17 +244,44 @@ class MissingTracks {
     return count.holes > options_.max_holes * count.patches ? Verdict::kLookAlike : Verdict::kSame;
   }
 
+  Walks WalksOf(const VerifiedPair& pair) const {
+    return {input_.frames[pair.frames.first_idx].capture,
+            input_.frames[pair.frames.second_idx].capture};
+  }
+
+  // Where much of what two walks share shows look-alikes, the rest was only not found out.
+  void DropLookAlikeWalks(std::vector<Verdict>& verdicts) const {
+    std::map<Walks, std::pair<int, int>> dropped_of;  // and of how many
+    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      auto& [dropped, all] = dropped_of[WalksOf(pairs_[i])];
+      dropped += verdicts[i] == Verdict::kLookAlike ? 1 : 0;
+      ++all;
+    }
+    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      const Walks walks = WalksOf(pairs_[i]);
+      const auto [dropped, all] = dropped_of[walks];
+      const bool doubtful = walks.first != walks.second && dropped > options_.max_dropped * all;
+      if (doubtful) verdicts[i] = Verdict::kLookAlike;
+    }
+  }
+
   void DropChanceLinks(std::vector<Verdict>& verdicts) const {
+    std::map<Walks, int> same;  // pairs of two walks
+    for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      same[WalksOf(pairs_[i])] += verdicts[i] == Verdict::kSame ? 1 : 0;
+    }
     Groups groups(input_.frames.size());
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
+      const Walks walks = WalksOf(pairs_[i]);
+      const bool many = walks.first == walks.second || same[walks] >= options_.min_links;
       const auto [a, b] = pairs_[i].frames;
-      if (verdicts[i] == Verdict::kSame) groups.Join(a, b);
+      if (verdicts[i] == Verdict::kSame && many) groups.Join(a, b);
     }
     std::map<int, int> size;
     for (int f = 0; f < static_cast<int>(input_.frames.size()); ++f) ++size[groups.Of(f)];
     std::map<std::pair<int, int>, std::vector<int>> links;
     for (int i = 0; i < static_cast<int>(pairs_.size()); ++i) {
-      if (verdicts[i] != Verdict::kUnknown) continue;
+      if (verdicts[i] == Verdict::kLookAlike) continue;
       const int a = groups.Of(pairs_[i].frames.first_idx);
       const int b = groups.Of(pairs_[i].frames.second_idx);
       if (a != b) links[std::minmax(a, b)].push_back(i);

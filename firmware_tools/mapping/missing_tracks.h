@@ -17,10 +17,12 @@ struct MissingTrackOptions {
   // of their goods each pair of stretches has 0.06 or more, of a room seen again 99 % have less.
   double max_holes = 0.05;
   int min_patches = 20;
-  // Pairs that too few patches speak for do not join groups of so many frames if they are fewer
-  // than min_links: chance gives a few.
+  // Two walks of whose pairs a greater share shows look-alikes have none of one place.
+  double max_dropped = 0.3;
+  // Pairs do not join groups of so many frames if they are fewer than min_links: chance gives a
+  // few.
   int min_frames = 10;
-  int min_links = 10;
+  int min_links = 12;
 };
 
 // Tells two places that share things from one place seen again: between look-alikes, whatever is
@@ -28,9 +30,9 @@ struct MissingTrackOptions {
 // again and again are followed as tracks; those that lie among the matches with frames of another
 // stretch, at a scale that can be found there, should be seen there once in a few chances. In one
 // place seen again a few tracks here and there are missed; between look-alikes most tracks of
-// whole patches of the image are. Pairs between stretches with too many such holes are dropped.
-// Then pairs that too few patches speak for, if they alone join what other pairs do not: one
-// door, or poster, can hang in many rooms. Order is kept.
+// whole patches of the image are. Pairs between stretches with too many such holes are dropped,
+// and what else two walks (captures) share, if that is much of it. Then pairs that are few, if they
+// alone join what other pairs do not: one door, or poster, can hang in many rooms. Order is kept.
 std::vector<VerifiedPair> DropPairsMissingTracks(const MapInput& input,
                                                  std::span<const VerifiedPair> pairs,
                                                  const MissingTrackOptions& options = {});
