@@ -109,7 +109,8 @@ class MissingTracks {
       : input_(input), pairs_(pairs), options_(options), order_(input) {
     FollowTracks();
     for (int i = 0; i < static_cast<int>(pairs_.size()); ++i) {
-      if (IsFar(pairs_[i].frames)) far_.push_back({i, ChancesOf(pairs_[i])});
+      const Walks walks = WalksOf(pairs_[i]);
+      if (walks.first != walks.second) far_.push_back({i, ChancesOf(pairs_[i])});
     }
   }
 
@@ -260,7 +261,7 @@ class MissingTracks {
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
       const Walks walks = WalksOf(pairs_[i]);
       const auto [dropped, all] = dropped_of[walks];
-      const bool doubtful = walks.first != walks.second && dropped > options_.max_dropped * all;
+      const bool doubtful = dropped > options_.max_dropped * all;
       if (doubtful) verdicts[i] = Verdict::kLookAlike;
     }
   }

@@ -26,7 +26,9 @@ struct MissingTrackOptions {
 };
 
 // Tells two places that share things from one place seen again: between look-alikes, whatever is
-// not shared leaves holes in what matches. Key points that the frames of one stretch of a walk see
+// not shared leaves holes in what matches. Only pairs of different walks are asked: what one walk
+// shares with itself is judged by its loops (pair_consistency.h), and a walk that blurs breaks its
+// tracks. Key points that the frames of one stretch of a walk see
 // again and again are followed as tracks; those that lie among the matches with frames of another
 // stretch, at a scale that can be found there, should be seen there once in a few chances. In one
 // place seen again a few tracks here and there are missed; between look-alikes most tracks of
