@@ -216,6 +216,12 @@ void AddTrain(CLI::App& app) {
                    "none; auto: poses where given")
       ->check(CLI::IsMember({"auto", "colmap", "poses", "none"}))
       ->capture_default_str();
+  command
+      ->add_option("--pose-sigma", flags->options.map.pose_sigma,
+                   "how far the set's poses may be off, in its units: they are adjusted together "
+                   "with the landmarks; 0: they stay as they are")
+      ->check(CLI::Range(0.0, 1000.0))
+      ->capture_default_str();
   command->add_option("--work", flags->work,
                       "folder for COLMAP's files, kept; default: the model's name with .map");
   command->add_option("--control", flags->control,

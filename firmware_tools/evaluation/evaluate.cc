@@ -81,27 +81,32 @@ PoseError ErrorOf(const Similarity& world_from_map, const Rigid3& map_from_cam, 
           rotation.angularDistance(truth.world_from_cam) * 180 / std::numbers::pi};
 }
 
-bool InFirstMap(const ModelView& model, int k) {
+// The map that a keyframe has its pose in; -1: in none.
+int MapOfKeyframe(const ModelView& model, int k) {
   const ModelKeyframes& keyframes = model.keyframes();
-  if (keyframes.has_pose[k] == 0) return false;
   const std::uint32_t begin = keyframes.landmark_begin[k];
-  return begin < keyframes.landmark_begin[std::size_t(k) + 1] &&
-         model.MapOf(keyframes.landmarks[begin]) == 0;
+  const bool mapped = begin < keyframes.landmark_begin[std::size_t(k) + 1];
+  return keyframes.has_pose[k] != 0 && mapped ? model.MapOf(keyframes.landmarks[begin]) : -1;
+}
+
+// Whether a map's frame of reference is the first map's.
+bool SharesFrame(const ModelView& model, int map_idx) {
+  return map_idx == 0 || (model.metric() && model.metric(map_idx));
 }
 
 // A keyframe in no map has the pose that the set gave it.
 bool Comparable(const ModelView& model, int k) {
   const ModelKeyframes& keyframes = model.keyframes();
   if (keyframes.has_pose[k] == 0 || !model.has_landmarks()) return keyframes.has_pose[k] != 0;
-  const bool mapped = keyframes.landmark_begin[k] < keyframes.landmark_begin[std::size_t(k) + 1];
-  return mapped ? InFirstMap(model, k) : model.metric();
+  const int map_idx = MapOfKeyframe(model, k);
+  return map_idx < 0 ? model.metric() : SharesFrame(model, map_idx);
 }
 
 // Where the set's poses say nothing of the map's frame of reference, nothing is compared.
 void ComparePoses(const ModelView& model, const std::optional<Similarity>& world_from_map,
                   const ImageRecord& image, FrameResult& result) {
   if (!world_from_map) return;
-  const bool has_pose = result.fix.has_pose && result.fix.map_idx == 0;
+  const bool has_pose = result.fix.has_pose && SharesFrame(model, result.fix.map_idx);
   // A metric map is drawn as it is, over its floor plan; another one as it lies among the poses.
   const Similarity drawn_from_world = model.metric() ? Inverse(*world_from_map) : Similarity();
   if (has_pose) {
@@ -141,7 +146,7 @@ std::optional<Similarity> AlignMap(const ImageSet& set, const ModelView& model,
   std::vector<Eigen::Vector3d> in_world;
   for (int k = 0; k < model.keyframes().size; ++k) {
     const auto image = training.find(std::string(model.keyframe_name(k)));
-    if (image == training.end() || !InFirstMap(model, k)) continue;
+    if (image == training.end() || MapOfKeyframe(model, k) != 0) continue;
     in_map.push_back(KeyframePose(model.keyframes(), k).translation);
     in_world.push_back(image->second->pose->cam_in_world);
   }

@@ -55,6 +55,9 @@ class CaptureOrder {
   // Of different captures, or more than `window` frames apart in one.
   bool AreApart(int a, int b, int window) const;
 
+  // Of a frame in its capture.
+  int Position(int frame) const { return position_[frame]; }
+
  private:
   const MapInput& input_;
   std::vector<int> position_;  // [frames] in their capture

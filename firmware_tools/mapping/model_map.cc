@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 #include <vector>
 
 #include "engine/vocabulary/vocabulary.h"
@@ -52,10 +53,14 @@ std::vector<int> ByWorth(const Reconstruction& map, const ModelMapOptions& optio
   return order;
 }
 
-// Greedy cover: a point is kept while one of its images has too few there.
-std::vector<int> ChoosePoints(const Reconstruction& map, const ModelMapOptions& options) {
+// Greedy cover: a point is kept while one of the keyframes that see it has too few there. What only
+// other images see, of a walk without labels say, nothing would propose.
+std::vector<int> ChoosePoints(const Reconstruction& map, const std::set<std::string>& keyframes,
+                              const ModelMapOptions& options) {
   const int quota = (options.landmarks_per_keyframe + kColumns * kRows - 1) / (kColumns * kRows);
   std::vector<std::vector<int>> count(map.images.size(), std::vector<int>(kColumns * kRows, 0));
+  std::vector<bool> is_keyframe;
+  for (const MapImage& image : map.images) is_keyframe.push_back(keyframes.contains(image.name));
   std::vector<int> chosen;
   for (const int p : ByWorth(map, options)) {
     bool wanted = false;
@@ -64,7 +69,9 @@ std::vector<int> ChoosePoints(const Reconstruction& map, const ModelMapOptions& 
       return count[o.image_idx]
                   [CellOf(map.cameras[image.camera_idx], image.keypoints[o.feature_idx])];
     };
-    for (const Observation& o : map.points[p].track) wanted = wanted || cell(o) < quota;
+    for (const Observation& o : map.points[p].track) {
+      wanted = wanted || (is_keyframe[o.image_idx] && cell(o) < quota);
+    }
     if (!wanted) continue;
     for (const Observation& o : map.points[p].track) ++cell(o);
     chosen.push_back(p);
@@ -249,10 +256,13 @@ class Writer {
 void AddMapToModel(const SiteMap& site, const ImageSet& set, const FeatureStore& features,
                    std::span<const int> keyframe_image_idxs, const ModelMapOptions& options,
                    ModelData& model) {
+  if (site.maps.empty()) return;
+  std::set<std::string> keyframes;
+  for (const int i : keyframe_image_idxs) keyframes.insert(set.images[i].path);
   std::vector<std::vector<int>> chosen;
   std::size_t total = 0;
   for (const Reconstruction& map : site.maps) {
-    chosen.push_back(ChoosePoints(map, options));
+    chosen.push_back(ChoosePoints(map, keyframes, options));
     total += chosen.back().size();
   }
   if (total == 0) return;

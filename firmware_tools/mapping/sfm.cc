@@ -207,11 +207,17 @@ std::vector<bool> LargestComponent(std::span<const VerifiedPair> pairs,
 
 }  // namespace
 
+std::vector<VerifiedPair> BelievedPairs(const MapInput& input, std::span<const VerifiedPair> pairs,
+                                        const SfmOptions& options) {
+  const auto consistent = KeepConsistentPairs(input, pairs, options.consistency);
+  const auto distinct = DropLookAlikes(input, consistent, options.look_alikes);
+  return DropPairsMissingTracks(input, distinct, options.missing_tracks);
+}
+
 SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candidates,
                          std::span<const VerifiedPair> pairs, const SfmOptions& options, int jobs,
                          const std::function<Progress(const std::string& stage)>& stages) {
-  const std::vector<VerifiedPair> believed = DropLookAlikes(
-      input, KeepConsistentPairs(input, pairs, options.consistency), options.look_alikes);
+  const std::vector<VerifiedPair> believed = BelievedPairs(input, pairs, options);
   SfmResult result;
   std::set<std::string> mapped;
   std::vector<bool> left(input.frames.size(), true);

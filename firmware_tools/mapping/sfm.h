@@ -7,6 +7,7 @@
 
 #include "firmware_tools/mapping/colmap_mapper.h"
 #include "firmware_tools/mapping/look_alikes.h"
+#include "firmware_tools/mapping/missing_tracks.h"
 #include "firmware_tools/mapping/pair_consistency.h"
 #include "firmware_tools/mapping/register_frames.h"
 #include "firmware_tools/mapping/triangulate.h"
@@ -17,6 +18,7 @@ struct SfmOptions {
   TwoViewOptions two_view;
   ConsistencyOptions consistency;
   LookAlikeOptions look_alikes;
+  MissingTrackOptions missing_tracks;
   ColmapOptions colmap;
   // While poses are adjusted: what disagrees with a bent map must be heard, or it stays bent; and
   // the adjustment must come to its end. On one walk, from maps 11 and 5 cm off: to 3.3 and 2.9 cm.
@@ -28,11 +30,16 @@ struct SfmOptions {
   RegisterOptions registration;
   int refinements = 3;  // rounds of: match under the poses, triangulate, adjust, register
   int min_frames = 10;  // of a map that is worth keeping
-  int max_maps = 8;     // of places that are not connected
+  int max_maps = 64;     // of places that are not connected
   double max_image_error_deg = 5;  // median disagreement of an image with its pairs' rotations
   int min_sure_matches = 50;       // of a pair whose rotation is sure enough to judge by
   int min_image_points = 20;       // seen by an image that is kept
 };
+
+// The verified pairs that neither contradict the others nor show places which only look alike:
+// KeepConsistentPairs(), DropLookAlikes(), DropPairsMissingTracks().
+std::vector<VerifiedPair> BelievedPairs(const MapInput& input, std::span<const VerifiedPair> pairs,
+                                        const SfmOptions& options);
 
 struct SfmResult {
   std::vector<Reconstruction> maps;   // largest first, each in a frame and scale of its own
@@ -40,7 +47,7 @@ struct SfmResult {
 };
 
 // Maps photographs whose poses are not known. Verified pairs that contradict the others, or that
-// show places which only look alike, are put aside (KeepConsistentPairs(), DropLookAlikes());
+// show places which only look alike, are put aside (BelievedPairs());
 // COLMAP's mapper makes poses from the rest; under them frames are matched again, points
 // triangulated and adjusted together with the poses (COLMAP's own result can be bent), images
 // that contradict their pairs dropped, missed frames registered, and points triangulated anew.

@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/mapping/site_frame.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "firmware_tools/dataset/image_set.h"
 
 namespace viewfix {
 namespace {
+
+constexpr std::size_t kLeastControls = 3;  // that place a map
 
 std::string MapName(std::size_t map_idx) {
   std::string name = "map ";
@@ -24,8 +27,24 @@ std::vector<ControlPair> PairsOf(const Reconstruction& map, const PlaceOptions& 
   return pairs;
 }
 
-Georeference FitToSite(const Reconstruction& map, const PlaceOptions& options) {
-  Georeference fit = FitGeoreference(PairsOf(map, options), EstimateGravity(map));
+// The points of each map. Maps that have enough come first, else the largest stays a map of its own
+// frame although a smaller one has all the points.
+std::vector<std::vector<ControlPair>> PutControlledFirst(std::vector<Reconstruction>& maps,
+                                                         const PlaceOptions& options) {
+  std::vector<std::vector<ControlPair>> of_map;
+  for (const Reconstruction& map : maps) of_map.push_back(PairsOf(map, options));
+  std::size_t next = 0;
+  for (std::size_t m = 0; m < maps.size(); ++m) {
+    if (of_map[m].size() < kLeastControls) continue;
+    std::rotate(maps.begin() + next, maps.begin() + m, maps.begin() + m + 1);
+    std::rotate(of_map.begin() + next, of_map.begin() + m, of_map.begin() + m + 1);
+    ++next;
+  }
+  return of_map;
+}
+
+Georeference FitToSite(const Reconstruction& map, std::span<const ControlPair> controls) {
+  Georeference fit = FitGeoreference(controls, EstimateGravity(map));
   if (IsUpsideDown(map, fit.site_from_map)) {
     throw ToolError(
         "the control points stand the map on its head: are their z upwards, and x, y, "
@@ -73,12 +92,12 @@ std::string FitNote(const std::string& name, const Georeference& fit) {
   return name + median + DescribeResiduals(fit) + upright;
 }
 
-MapPlacement Place(Reconstruction& map, std::size_t map_idx, const PlaceOptions& options,
-                   PlaceReport& report) {
+MapPlacement Place(Reconstruction& map, std::size_t map_idx, std::span<const ControlPair> controls,
+                   const PlaceOptions& options, PlaceReport& report) {
   const std::string name = MapName(map_idx);
   if (options.controls.source.empty()) return LeaveFree(map, name, options, report);
   try {
-    MapPlacement placement = PlaceByControls(map, FitToSite(map, options));
+    MapPlacement placement = PlaceByControls(map, FitToSite(map, controls));
     report.notes.push_back(FitNote(name, *placement.fit));
     return placement;
   } catch (const ToolError& error) {
@@ -106,8 +125,9 @@ SiteControls ReadSiteControls(const std::filesystem::path& control_file,
 
 PlaceReport PlaceMaps(std::vector<Reconstruction>& maps, const PlaceOptions& options) {
   PlaceReport report;
+  const auto controls = PutControlledFirst(maps, options);
   for (std::size_t m = 0; m < maps.size(); ++m) {
-    report.placements.push_back(Place(maps[m], m, options, report));
+    report.placements.push_back(Place(maps[m], m, controls[m], options, report));
   }
   return report;
 }

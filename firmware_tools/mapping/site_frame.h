@@ -47,8 +47,9 @@ struct PlaceReport {
 };
 
 // Takes maps, the largest first, to the site's frame by the control points and tags that each of
-// them sees; others stay free. Throws ToolError naming the control files: the largest map has
-// too few of them, does not fit them, or would stand on its head.
+// them sees; others stay free. Maps that see three or more are put before the others. Throws
+// ToolError naming the control files: the first map has too few of them even so, does not fit them,
+// or would stand on its head.
 PlaceReport PlaceMaps(std::vector<Reconstruction>& maps, const PlaceOptions& options);
 
 }  // namespace viewfix

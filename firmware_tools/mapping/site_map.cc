@@ -8,6 +8,7 @@
 
 #include "firmware_tools/mapping/pair_selection.h"
 #include "firmware_tools/mapping/sfm.h"
+#include "firmware_tools/mapping/triangulate.h"
 
 namespace viewfix {
 namespace {
@@ -63,7 +64,12 @@ SiteMap Reconstruct(const MapInput& input, const Matched& matched, const SiteMap
                     const std::function<Progress(const std::string&)>& stages) {
   SiteMap site;
   if (options.source == MapSource::kPoses) {
-    site.maps.push_back(TriangulateWithPoses(input, matched.pairs, {}, options.jobs,
+    TriangulateOptions triangulate;
+    if (options.pose_sigma > 0) {
+      triangulate.adjustments = 2;
+      triangulate.adjust.position_sigma = options.pose_sigma;
+    }
+    site.maps.push_back(TriangulateWithPoses(input, matched.pairs, triangulate, options.jobs,
                                              Begin(stages, "triangulation")));
     return site;
   }
@@ -173,8 +179,9 @@ std::string MissingCalibration(const ImageSet& set, std::span<const int> image_i
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site) {
   ImageSet mapped = set;
   std::map<std::string, Rigid3> cam_from_world;
-  if (!site.maps.empty()) {
-    for (const MapImage& image : site.maps.front().images) {
+  for (std::size_t m = 0; m < site.maps.size(); ++m) {
+    if (m > 0 && !(site.metric && site.placements[m].metric)) continue;
+    for (const MapImage& image : site.maps[m].images) {
       cam_from_world[image.name] = image.cam_from_world;
     }
   }

@@ -26,6 +26,9 @@ enum class MapSource {
 
 struct SiteMapOptions {
   MapSource source = MapSource::kPoses;
+  // How sure kPoses are, units of the set: they are adjusted together with the landmarks and keep
+  // the set's frame. 0: they are right as they are.
+  double pose_sigma = 0;
   std::filesystem::path work_folder;  // COLMAP's, kept
   SiteControls controls;              // none: maps keep the frame that they come in
   int seed = 1;
@@ -58,8 +61,9 @@ SiteMap MapSite(const ImageSet& set, const FeatureStore& features, std::span<con
 // each has a camera of the set.
 std::string MissingCalibration(const ImageSet& set, std::span<const int> image_idxs);
 
-// The set with the poses of a site's maps in place of its own; images in none have no pose. Only
-// the largest map's are taken: the others have frames of reference of their own.
+// The set with the poses of a site's maps in place of its own; images in none have no pose. Taken
+// are the largest map's, and those of all that are in the site's frame if it is too: the others
+// have frames of reference of their own.
 ImageSet WithMappedPoses(const ImageSet& set, const SiteMap& site);
 
 // What a model's record says of its maps: sizes, how each was placed, residuals of the controls.

@@ -7,10 +7,12 @@
 #include <cstdio>
 #include <cstring>
 #include <fstream>
+#include <map>
 #include <opencv2/core.hpp>
 
 #include "firmware_tools/dataset/calibration_file.h"
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/simulation/camera_effects.h"
 #include "firmware_tools/simulation/random.h"
 #include "firmware_tools/simulation/renderer.h"
@@ -216,8 +218,29 @@ void RenderShot(const Museum& museum, const Renderer& renderer, const SimulateOp
   WriteImage(folder / shot.record.path, Develop(light, exposure, random));
 }
 
-void SaveSet(const Museum& museum, const std::filesystem::path& folder,
-             const std::vector<Shot>& shots) {
+// Where some of the cameras stood, as somebody with a tape measure would write it down: to a
+// millimetre, of the first and the last training image of each location and view.
+void SaveControlPoints(const ImageSet& set, const std::filesystem::path& file) {
+  std::map<std::string, std::vector<const ImageRecord*>> views;
+  for (const ImageRecord& image : set.images) {
+    if (!image.is_test && !image.location.empty()) views[image.capture].push_back(&image);
+  }
+  std::string text = "name,x,y,z\n";
+  const auto add = [&](const ImageRecord& image) {
+    const Eigen::Vector3d& at = image.pose->cam_in_world;
+    char row[96];
+    std::snprintf(row, sizeof row, ",%.3f,%.3f,%.3f\n", at.x(), at.y(), at.z());
+    text.append(image.path).append(row);
+  };
+  for (const auto& [view, images] : views) {
+    add(*images.front());
+    if (images.size() > 1) add(*images.back());
+  }
+  WriteTextFile(file, text);
+}
+
+ImageSet SetOf(const Museum& museum, const std::filesystem::path& folder,
+               const std::vector<Shot>& shots) {
   ImageSet set;
   set.folder = folder;
   set.source = folder / "images.csv";
@@ -227,7 +250,11 @@ void SaveSet(const Museum& museum, const std::filesystem::path& folder,
     record.pose->cam_in_world += RoomOrigin(museum.rooms, shot.room);
     set.images.push_back(std::move(record));
   }
-  SaveCalibration(kCamera, folder / "calibration.yaml");
+  return set;
+}
+
+void SaveSet(const ImageSet& set) {
+  SaveCalibration(kCamera, set.folder / "calibration.yaml");
   SaveImageSet(set);
 }
 
@@ -280,8 +307,10 @@ void SimulateMuseum(const SimulateOptions& options, const Progress& progress) {
                    location ? shots[i] : others[i - own]);
       },
       progress);
-  SaveSet(museum, distractors, others);
-  SaveSet(museum, options.out, shots);
+  SaveSet(SetOf(museum, distractors, others));
+  const ImageSet set = SetOf(museum, options.out, shots);
+  SaveControlPoints(set, options.out / "control.csv");
+  SaveSet(set);
 }
 
 }  // namespace viewfix

@@ -22,7 +22,8 @@ struct SimulateOptions {
 // of it, 1374 images of 640 x 480. OUT/distractors is a set of its own: rooms of the same
 // building that belong to no location. Another seed is another building: other sizes, plans and
 // furniture of the rooms, other materials, signs and pictures. Light and white balance differ
-// between training and test. images.csv is written last, so a folder that has one is complete.
+// between training and test. OUT/control.csv says where some of the training images were taken (for
+// `train --control`). images.csv is written last, so a folder that has one is complete.
 // Throws ToolError.
 void SimulateMuseum(const SimulateOptions& options, const Progress& progress);
 

@@ -402,22 +402,34 @@ std::optional<FeatureStore> ExtractMapFeatures(const ImageSet& set, const TrainO
   return ExtractFeatures(set, image_idxs, more, options.jobs, Begin(stages, "features of the map"));
 }
 
-// Locations and views where poses come from the map; samples that have no place then are
-// dropped. Units are the map's own, so that cells are made by the number of images in them.
-void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vector<int>& samples,
-                Preparation& prepared) {
-  const ImageSet mapped = WithMappedPoses(set, prepared.site);
+// Whether a photograph helps, though nobody said where it was taken: a map needs no names.
+bool IsForTheMap(const ImageRecord& image, MapSource source) {
+  return source == MapSource::kColmap ||
+         (source == MapSource::kPoses && image.pose && image.camera_idx >= 0);
+}
+
+// Labels of the samples; those that have no place served the map alone and are dropped.
+void LabelSamples(const ImageSet& set, const LabelOptions& options, const std::vector<int>& samples,
+                  Preparation& prepared) {
   std::vector<int> kept;
   for (int s = 0; s < static_cast<int>(samples.size()); ++s) {
-    if (HasPlace(mapped, mapped.images[samples[s]])) kept.push_back(s);
+    if (HasPlace(set, set.images[samples[s]])) kept.push_back(s);
   }
   prepared.histograms = Kept(prepared.histograms, kept);
   prepared.keyframe_histograms = Kept(prepared.keyframe_histograms, kept);
   prepared.gram = prepared.gram(kept, kept).eval();
   prepared.similarities = prepared.similarities(kept, kept).eval();
+  prepared.labels = MakeLabels(set, Kept(samples, kept), prepared.gram, options);
+}
+
+// Locations and views where poses come from the map. Units may be the map's own, so that cells are
+// made by the number of images in them.
+void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vector<int>& samples,
+                Preparation& prepared) {
+  const ImageSet mapped = WithMappedPoses(set, prepared.site);
   LabelOptions labels = options.labels;
   if (!prepared.site.metric) labels.cell_size = CellSizeOf(mapped, kImagesPerCell);
-  prepared.labels = MakeLabels(mapped, Kept(samples, kept), prepared.gram, labels);
+  LabelSamples(mapped, labels, samples, prepared);
 }
 
 }  // namespace
@@ -463,7 +475,9 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const Tr
   std::vector<int> samples;
   for (int i = 0; i < static_cast<int>(set.images.size()); ++i) {
     const bool usable = !prepared.features.images[i].keypoints.empty();
-    if (usable && (map_first || HasPlace(set, set.images[i]))) samples.push_back(i);
+    const ImageRecord& image = set.images[i];
+    const bool wanted = HasPlace(set, image) || IsForTheMap(image, options.map.source);
+    if (usable && wanted) samples.push_back(i);
   }
   const Vocabulary vocabulary(prepared.words, dim);
   for (ImageHistograms& h :
@@ -480,7 +494,7 @@ Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const Tr
   if (map_first) {
     LabelByMap(set, options, samples, prepared);
   } else {
-    prepared.labels = MakeLabels(set, samples, prepared.gram, options.labels);
+    LabelSamples(set, options.labels, samples, prepared);
   }
   return prepared;
 }

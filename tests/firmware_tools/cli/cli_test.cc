@@ -190,6 +190,26 @@ TEST_F(CliTest, AMapUnderPosesNeedsACalibration) {
   EXPECT_THAT(train.err, HasSubstr("site/calibration.yaml is wanted"));
 }
 
+// Of each row's photographs the last three have a pose and no name.
+TEST_F(CliTest, UnlabelledPhotographsOfAWalkAreMapped) {
+  const std::string site = SiteWithPoses();
+  std::ifstream csv(site + "/images.csv");
+  std::string walk;
+  for (std::string line; std::getline(csv, line);) {
+    const std::size_t comma = line.find(',');
+    const std::size_t after = line.find(',', line.find(',', comma + 1) + 1);
+    const bool unlabelled = comma > 4 && line[comma - 5] >= '5' && line[comma - 5] <= '9';
+    walk += unlabelled ? line.substr(0, comma) + ",," + line.substr(after) : line;
+    walk += '\n';
+  }
+  csv.close();
+  folder_.Write("site/images.csv", walk);
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  const auto description = nlohmann::json::parse(Viewfix({"inspect", Model(), "--json"}).out);
+  EXPECT_EQ(description["training"]["samples"], 30);
+  EXPECT_EQ(description["training"]["map"]["maps"][0]["images"], 48);
+}
+
 TEST_F(CliTest, AMapOnTheFloorPlan) {
   const std::string site = SiteWithPoses();
   const std::string control = folder_.Write(

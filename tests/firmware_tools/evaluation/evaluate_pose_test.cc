@@ -131,5 +131,21 @@ TEST_F(EvaluatePoseTest, OnlyTheLargestMapIsCompared) {
   EXPECT_EQ(pose["localized"], 0);
 }
 
+// Unless control points brought both to the site's.
+TEST_F(EvaluatePoseTest, MetricMapsShareTheirFrame) {
+  ModelData& data = site_.data;
+  data.metric = true;
+  data.map_begin = {0, 0, data.map_begin[1]};
+  data.map_origin.push_back(data.map_origin[0]);
+  data.map_step.push_back(data.map_step[0]);
+  data.map_metric = {1, 0};
+  EXPECT_EQ(PoseFigures()["localized"], 0);
+  data.map_metric = {1, 1};
+  const Rigid3& truth = site_.world_from_cam;
+  set_.images[set_.images.size() - 2].pose = Pose{truth.rotation, truth.translation};
+  EXPECT_EQ(PoseFigures()["localized"], 0.5);
+  EXPECT_LT(*evaluation_.frames[0].translation_error, 0.01);
+}
+
 }  // namespace
 }  // namespace viewfix

@@ -126,6 +126,16 @@ TEST(PlaceMaps, OthersStayFreeAndAreLevelled) {
   EXPECT_THAT(report.warnings[0], HasSubstr("map 1 is not in the site's coordinates"));
 }
 
+TEST(PlaceMaps, AMapWithControlsGoesBeforeALargerOneWithout) {
+  std::vector<Reconstruction> maps = {SyntheticMap(1), SyntheticMap(2)};
+  for (MapImage& image : maps[1].images) image.name = "other/" + image.name.substr(5);
+  const PlaceReport report =
+      PlaceMaps(maps, {.controls = ControlsOf(maps[1], 5), .folder = {}, .level = true});
+  EXPECT_THAT(maps[0].images[0].name, testing::StartsWith("other/"));
+  EXPECT_TRUE(report.placements[0].metric);
+  EXPECT_FALSE(report.placements[1].metric);
+}
+
 TEST(PlaceMaps, WithoutControlsZIsUp) {
   std::vector<Reconstruction> maps = {SyntheticMap(3)};
   Tilt(maps[0], 1.1);

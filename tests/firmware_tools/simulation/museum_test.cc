@@ -9,6 +9,7 @@
 
 #include "firmware_tools/dataset/image_loader.h"
 #include "firmware_tools/dataset/image_set.h"
+#include "firmware_tools/mapping/georeference.h"
 #include "platform/file.h"
 #include "tests/testing/temp_folder.h"
 
@@ -65,6 +66,20 @@ TEST_F(MuseumTest, TenLocationsOfThreeViews) {
   for (const auto& [place, count] : tests) EXPECT_EQ(count, 1);
   ASSERT_EQ(set.cameras.size(), 1U);
   EXPECT_EQ(set.cameras[0].width, 640);
+}
+
+TEST_F(MuseumTest, ControlPointsAreTrainingCameras) {
+  const ImageSet set = LoadImageSet(*folder_ / "one");
+  std::map<std::string, const ImageRecord*> images;
+  for (const ImageRecord& image : set.images) images[image.path] = &image;
+  const auto controls = ReadControlFile(*folder_ / "one/control.csv");
+  EXPECT_EQ(controls.size(), 30U);  // of one training image each
+  for (const ControlPoint& control : controls) {
+    ASSERT_TRUE(images.contains(control.name));
+    const ImageRecord& image = *images[control.name];
+    EXPECT_FALSE(image.is_test);
+    EXPECT_LT((image.pose->cam_in_world - control.point_in_site).norm(), 1e-3);
+  }
 }
 
 TEST_F(MuseumTest, ImagesShowSomething) {
