@@ -13,7 +13,6 @@
 #include "firmware_tools/evaluation/evaluate.h"
 #include "firmware_tools/mapping/model_export.h"
 #include "models/model_view.h"
-#include "platform/file.h"
 
 namespace viewfix {
 namespace {
@@ -190,15 +189,6 @@ void RunInspect(const InspectFlags& flags) {
 }
 
 }  // namespace
-
-std::vector<unsigned char> ReadModelFile(const std::string& path) {
-  auto bytes = ReadFile(path);
-  if (!bytes.ok()) {
-    throw ToolError(std::string(bytes.status().text()) + ": " +
-                    std::string(bytes.status().detail()));
-  }
-  return std::move(*bytes);
-}
 
 void AddInspect(CLI::App& app) {
   auto flags = std::make_shared<InspectFlags>();

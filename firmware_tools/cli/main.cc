@@ -1,42 +1,39 @@
 // SPDX-License-Identifier: BSD-3-Clause
+// viewfix: what is about boards is done here; all else is of viewfix-tools, which lies beside it.
+// That one's libraries (OpenCV and 250 more) take longer to load than a model takes to a board.
+#include <unistd.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
 #include <cstdio>
-#include <exception>
+#include <cstring>
+#include <filesystem>
+#include <string>
 
 #include "firmware_tools/cli/commands.h"
-#include "firmware_tools/cli/terminal.h"
+#include "firmware_tools/cli/run_commands.h"
+
+namespace viewfix {
+namespace {
+
+// Does not return where it succeeds.
+int BecomeTools(char** argv) {
+  std::error_code unknown;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", unknown);
+  const std::string tools = self.parent_path() / "viewfix-tools";
+  ::execv(tools.c_str(), argv);
+  std::fprintf(stderr, "viewfix: cannot run %s: %s\n", tools.c_str(), std::strerror(errno));
+  return 1;
+}
+
+}  // namespace
+}  // namespace viewfix
 
 int main(int argc, char** argv) {
-  CLI::App app(
-      "viewfix turns photographs of a building into a model that tells a camera where it is.\n"
-      "Example:\n"
-      "  viewfix simulate --out museum\n"
-      "  viewfix train museum --out museum.vfx\n"
-      "  viewfix eval museum --model museum.vfx");
-  app.require_subcommand(1);
-  app.set_version_flag("--version", VIEWFIX_VERSION);
-  viewfix::AddSimulate(app);
-  viewfix::AddCheck(app);
-  viewfix::AddTrain(app);
-  viewfix::AddEval(app);
-  viewfix::AddExperiment(app);
-  viewfix::AddInspect(app);
-  viewfix::AddExport(app);
-  viewfix::AddMap(app);
-  viewfix::AddCalibrate(app);
-  viewfix::AddKeygen(app);
-  viewfix::AddSign(app);
-  viewfix::AddVerify(app);
-  viewfix::AddFlash(app);
-  viewfix::AddProvision(app);
-  viewfix::CatchInterrupts();
-  try {
-    app.parse(argc, argv);
-    return 0;
-  } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : 2;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "viewfix: %s\n", error.what());
-    return 1;
-  }
+  CLI::App app;
+  viewfix::AddBoardCommands(app);
+  const std::string command = argc < 2 ? "" : argv[1];
+  const auto is_it = [&](const CLI::App* known) { return known->get_name() == command; };
+  if (app.get_subcommands(is_it).empty()) return viewfix::BecomeTools(argv);
+  return viewfix::RunCommands(app, argc, argv);
 }

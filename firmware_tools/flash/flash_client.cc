@@ -72,21 +72,13 @@ std::vector<std::uint8_t> Compress(const std::vector<std::uint8_t>& model,
   return bytes;
 }
 
-// The shortest way that this board can read. `plain`: the model compressed without a base.
-Packed Pack(const FlashJob& job, std::vector<std::uint8_t> plain, const std::string& board_hash) {
+// Against a base, where it is not empty; as it is where that is no longer.
+Packed Pack(const std::vector<std::uint8_t>& model, const std::vector<std::uint8_t>& base) {
   Packed packed;
-  const std::vector<std::uint8_t>* base = nullptr;
-  const auto is_there = [&](const std::vector<std::uint8_t>& model) {
-    return HashText(HashContent(model)) == board_hash;
-  };
-  for (const auto& known : job.bases) {
-    if (is_there(known)) base = &known;
-  }
-  if (is_there(job.model)) base = &job.model;
-  packed.bytes = base == nullptr ? std::move(plain) : Compress(job.model, *base);
-  packed.transfer.encoding = base == nullptr ? Encoding::kZstd : Encoding::kPatch;
-  if (packed.bytes.size() >= job.model.size()) {
-    packed.bytes = job.model;
+  packed.bytes = Compress(model, base);
+  packed.transfer.encoding = base.empty() ? Encoding::kZstd : Encoding::kPatch;
+  if (packed.bytes.size() >= model.size()) {
+    packed.bytes = model;
     packed.transfer.encoding = Encoding::kRaw;
   }
   packed.transfer.size = packed.bytes.size();
@@ -94,9 +86,18 @@ Packed Pack(const FlashJob& job, std::vector<std::uint8_t> plain, const std::str
   return packed;
 }
 
-std::string OfferLine(const FlashJob& job) {
-  std::string line = "model " + std::to_string(job.model.size()) + " ";
-  line += HashText(HashContent(job.model));
+// The model that the board has, of those that are here; null: none of them.
+const std::vector<std::uint8_t>* BaseOf(const FlashJob& job, const std::string& model_hash,
+                                        const std::string& board_hash) {
+  if (board_hash == model_hash) return &job.model;
+  for (const auto& known : job.bases) {
+    if (HashText(HashContent(known)) == board_hash) return &known;
+  }
+  return nullptr;
+}
+
+std::string OfferLine(const FlashJob& job, const std::string& model_hash) {
+  std::string line = "model " + std::to_string(job.model.size()) + " " + model_hash;
   if (job.allow_older) line += " older";
   if (job.allow_other_site) line += " other-site";
   return line;
@@ -111,10 +112,13 @@ std::span<const std::uint8_t> AsBytes(const std::string& text) {
 FlashOutcome FlashBoard(BoardLink& link, const FlashJob& job, const FlashProgress& progress) {
   Conversation talk(link);
   Check(talk, link, talk.WriteLine(std::string(kFlashGreeting) + "install"));
-  std::vector<std::uint8_t> plain = Compress(job.model, {});  // while the link comes about
-  const Packed packed = Pack(job, std::move(plain), Expect(talk, link, "board"));
+  // While the link comes about; most boards have no model that is here.
+  const std::string model_hash = HashText(HashContent(job.model));
+  Packed packed = Pack(job.model, {});
+  const auto* base = BaseOf(job, model_hash, Expect(talk, link, "board"));
+  if (base != nullptr) packed = Pack(job.model, *base);
   const Transfer& transfer = packed.transfer;
-  Check(talk, link, talk.WriteLine(OfferLine(job)));
+  Check(talk, link, talk.WriteLine(OfferLine(job, model_hash)));
   Check(talk, link, talk.WriteLine("signature " + std::to_string(job.signature.size())));
   Check(talk, link, talk.WriteBytes(AsBytes(job.signature)));
   Check(talk, link,

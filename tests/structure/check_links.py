@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
 """Checks what the built programs link: viewfixd needs nothing from the laptop
-side, the engine calls nothing that opens, prints, waits or tells the time.
+side, the engine calls nothing that opens, prints, waits or tells the time, and
+viewfix, which flashes boards, starts without the laptop's many libraries.
 
-  check_links.py --program VIEWFIXD --engine LIBVIEWFIX_ENGINE.A
+  check_links.py --program VIEWFIXD --engine LIBVIEWFIX_ENGINE.A [--flasher VIEWFIX]
 """
 
 import argparse
@@ -15,6 +16,10 @@ import sys
 BOARD_LIBRARIES = re.compile(
     r'(libc|libm|libstdc\+\+|libgcc_s|libjpeg|libsodium|libexif|libzstd|libevent_(core|extra)-2\.1|'
     r'libmosquitto|libcamera(-base)?|libasan|libubsan|ld-linux[\w-]*)\.so')
+
+# And viewfix, whose commands for boards are to start at once.
+FLASHER_LIBRARIES = re.compile(
+    r'(libc|libm|libstdc\+\+|libgcc_s|libsodium|libzstd|libasan|libubsan|ld-linux[\w-]*)\.so')
 
 # Symbols, demangled, that the engine may not ask for.
 IO_SYMBOLS = re.compile(
@@ -41,10 +46,13 @@ def undefined_symbols(archive):
     return sorted(set(names))
 
 
-def faults(program, engine):
+def faults(program, engine, flasher):
     for library in needed_libraries(program):
         if not BOARD_LIBRARIES.match(library):
             yield f'{program}: links {library}, which the board need not have'
+    for library in needed_libraries(flasher) if flasher else ():
+        if not FLASHER_LIBRARIES.match(library):
+            yield f'{flasher}: links {library}; only viewfix-tools needs it'
     for symbol in undefined_symbols(engine):
         if IO_SYMBOLS.match(symbol):
             yield f'{engine}: uses {symbol}; the engine is pure computation'
@@ -55,8 +63,9 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--program', required=True)
     parser.add_argument('--engine', required=True)
+    parser.add_argument('--flasher')
     args = parser.parse_args()
-    found = list(faults(args.program, args.engine))
+    found = list(faults(args.program, args.engine, args.flasher))
     print('\n'.join(found) if found else 'The programs link what ARCHITECTURE.md allows.')
     sys.exit(1 if found else 0)
 

@@ -8,9 +8,10 @@
 # ARCH        aarch64 or armhf; default: both
 # --frames N  so many test images of each set, evenly spread (default 20)
 # --full      all test images: the museum's, and those of the real image sets in
-#             $VIEWFIX_DATA, else ../shared/data; about a second a frame
+#             $VIEWFIX_DATA, else ../shared/data; about a second a frame. It takes an hour
 #
-# The museum is compared always, real photographs with --full or --frames. On each
+# The museum is compared always, real photographs with --full or --frames; only --full has
+# the museum whole, else a third of its photographs and fewer words do. On each
 # build the models go through the store too, which has them answer their golden
 # queries. Needs the builds host-release and ARCH-release. Prints a table; exit
 # code 77: qemu is absent.
@@ -81,11 +82,11 @@ print_table() {
 }
 
 main() {
-  local frames=20 real=0 arch name
+  local frames=20 real=0 arch name small_museum=(--images-per-view 7) few_words=(--words 200)
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
-      --full) frames='' real=1 ;;
+      --full) frames='' real=1 small_museum=() few_words=() ;;
       --frames)
         [[ ${2:-} =~ ^[1-9][0-9]*$ ]] || usage_error "--frames takes a number"
         frames=$2 real=1
@@ -110,8 +111,8 @@ main() {
 
   rm -rf "$WORK"
   mkdir -p "$WORK"
-  "$HOST_BIN/viewfix" simulate --out "$WORK/museum" --seed 1 --images-per-view 7
-  train "$WORK/museum" "$WORK/museum.vfx" --words 200
+  "$HOST_BIN/viewfix" simulate --out "$WORK/museum" --seed 1 "${small_museum[@]}"
+  train "$WORK/museum" "$WORK/museum.vfx" "${few_words[@]}"
   compare_set museum "$WORK/museum" "$WORK/museum.vfx" "$frames"
   if [[ $real -eq 1 && -d $DATA/hololens ]]; then
     train "$DATA/hololens" "$WORK/hololens.vfx"

@@ -82,7 +82,6 @@ inline Result<StoredModel> Install(Store& store, const ModelOffer& offer, const 
       if (Status status = part->Write(piece); !status.ok()) return status;
       rest = rest.subspan(piece.size());
     }
-    if (Status status = part->Finish(); !status.ok()) return status;
   }
   return store.Commit(offer, sent.transfer, keep);
 }
