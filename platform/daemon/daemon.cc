@@ -2,14 +2,11 @@
 #include "platform/daemon/daemon.h"
 
 #include <poll.h>
-#include <pthread.h>
 #include <sys/eventfd.h>
-#include <sys/signalfd.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <cinttypes>
-#include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
@@ -24,6 +21,7 @@
 #include "platform/daemon/model_holder.h"
 #include "platform/daemon/notify.h"
 #include "platform/daemon/pipeline.h"
+#include "platform/daemon/signals.h"
 #include "platform/log.h"
 #include "platform/publish/mqtt_output.h"
 #include "platform/publish/server.h"
@@ -49,7 +47,6 @@ class Daemon {
   int Run();
 
  private:
-  bool TakeSignals();
   Status LoadModel();
   Status OpenPublishers();
   ServerContent ServedContent();
@@ -62,6 +59,7 @@ class Daemon {
 
   const CommandLine& command_line_;
   DaemonOptions options_;
+  Signals signals_;  // the last to go
   Notifier notifier_;
   Health health_;
   ModelHolder models_;
@@ -69,7 +67,6 @@ class Daemon {
   Server* server_ = nullptr;                 // publisher_'s; null: none
   std::atomic<MqttOutput*> mqtt_ = nullptr;  // the same; read by the server's thread
   std::unique_ptr<Pipeline> pipeline_;
-  int signals_ = -1;
   int ended_ = -1;  // an eventfd: the pipeline has ended
   bool live_ = false;
   bool stopped_by_signal_ = false;
@@ -79,20 +76,7 @@ class Daemon {
 
 Daemon::~Daemon() {
   pipeline_.reset();
-  if (signals_ >= 0) ::close(signals_);
   if (ended_ >= 0) ::close(ended_);
-}
-
-// Before the first thread: all inherit what is blocked here.
-bool Daemon::TakeSignals() {
-  std::signal(SIGPIPE, SIG_IGN);
-  sigset_t set;
-  sigemptyset(&set);
-  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&set, signal);
-  ::pthread_sigmask(SIG_BLOCK, &set, nullptr);
-  signals_ = ::signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
-  ended_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-  return signals_ >= 0 && ended_ >= 0;
 }
 
 Status Daemon::LoadModel() {
@@ -174,7 +158,8 @@ Status Daemon::StartPipeline() {
 }
 
 int Daemon::Run() {
-  if (!TakeSignals()) {
+  ended_ = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+  if (!signals_.Start() || ended_ < 0) {
     LogLine(LogLevel::kError, "no descriptors for signals");
     return 1;
   }
@@ -200,7 +185,7 @@ int Daemon::Run() {
 void Daemon::Watch() {
   const std::int64_t feed_ms = notifier_.watchdog_ns() / 3'000'000;
   const int turn_ms = feed_ms > 0 && feed_ms < kTurnMs ? static_cast<int>(feed_ms) : kTurnMs;
-  pollfd waiting[] = {{signals_, POLLIN, 0}, {ended_, POLLIN, 0}};
+  pollfd waiting[] = {{signals_.fd(), POLLIN, 0}, {ended_, POLLIN, 0}};
   while (true) {
     (void)::poll(waiting, 2, turn_ms);
     if (waiting[1].revents != 0 || !OnSignals()) return;
@@ -210,15 +195,10 @@ void Daemon::Watch() {
 
 // False: it is time to end.
 bool Daemon::OnSignals() {
-  signalfd_siginfo info;
-  while (::read(signals_, &info, sizeof info) == sizeof info) {
-    if (info.ssi_signo != SIGHUP) {
-      stopped_by_signal_ = true;
-      return false;
-    }
-    Reload();
-  }
-  return true;
+  const bool reload = signals_.TakeReload();
+  stopped_by_signal_ = signals_.ending();
+  if (reload && !stopped_by_signal_) Reload();
+  return !stopped_by_signal_;
 }
 
 void Daemon::Turn() {

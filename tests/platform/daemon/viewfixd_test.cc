@@ -2,6 +2,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <spawn.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -368,6 +369,23 @@ TEST_F(ViewfixdPipeTest, ASignalEndsItCleanly) {
   EXPECT_EQ(Wait(), 0);
   EXPECT_THAT(Errors(), HasSubstr("localized, 0 unusable"));
   EXPECT_THAT(Errors(), Not(HasSubstr("5000 frames")));
+}
+
+// A camera whose driver does not answer, so to speak: nobody ever writes to this pipe.
+TEST_F(ViewfixdPipeTest, ASignalEndsItWhateverACameraWaitsFor) {
+  ::kill(pid_, SIGKILL);
+  Wait();
+  ASSERT_EQ(::mkfifo((folder_ / "walk/stuck.jpg").c_str(), 0600), 0);
+  folder_.Write("walk/images.csv", std::string_view("path\n0.jpg\nstuck.jpg\n"));
+  int ends[2];
+  ASSERT_EQ(::pipe2(ends, O_CLOEXEC), 0);
+  Spawn(ends[1]);
+  ::close(ends[1]);
+  char first = 0;
+  ASSERT_EQ(::read(ends[0], &first, 1), 1);
+  ::close(ends[0]);
+  ::kill(pid_, SIGTERM);
+  EXPECT_EQ(Wait(), 0);
 }
 
 TEST_F(ViewfixdTest, StartsFromTheStoresModel) {
