@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Fetches what the virtual board is made of: Debian's arm64 kernel, vivid and what
-# it needs, a busybox, and v4l2loopback built against that kernel.
+# it needs, a busybox, and v4l2loopback and vimc built against that kernel.
 #
 #   tests/board/fetch_machine.sh DIR
 #
@@ -9,7 +9,8 @@
 # drivers.
 #
 # Leaves DIR/vmlinuz, DIR/busybox, DIR/sshd (a root folder) and, in loading order,
-# DIR/modules/NN-NAME.ko and DIR/disk-modules/NN-NAME.ko. Installs nothing, needs no root.
+# DIR/modules/NN-NAME.ko and DIR/disk-modules/NN-NAME.ko, and DIR/vimc.ko, which needs those
+# of vivid. Installs nothing, needs no root.
 # Does nothing where DIR is complete already.
 set -euo pipefail
 source "$(dirname "${BASH_SOURCE[0]}")/../../toolchains/common.sh"
@@ -94,10 +95,9 @@ copy_modules() {
   [[ -s $(echo "$out"/*-"$name".ko) ]] || die "the kernel has no $name"
 }
 
-# v4l2loopback's source against the kernel's headers. The headers' own tools are
-# of this machine's architecture here, as for any cross build.
-build_loopback() {
-  local work=$1 dir=$2 version=$3 headers common
+# The headers' own tools are of this machine's architecture here, as for any cross build.
+prepare_headers() {
+  local work=$1 version=$2 headers common
   headers=$work/root/usr/src/linux-headers-$version
   common=$work/root/usr/src/linux-headers-${version%-arm64}-common
   # Paths in the headers start at /; here they start at the folder they were unpacked to.
@@ -106,17 +106,28 @@ build_loopback() {
   done
   sed -i "s|/usr/src/|$work/root/usr/src/|g; s|/usr/lib/|$work/root/usr/lib/|g" "$headers/Makefile"
   sed -i "s|/usr/src/|$work/root/usr/src/|g" "$common/Makefile"
-  cp -r "$work"/root/usr/src/v4l2loopback-* "$work/loopback"
-  make -s -C "$headers" M="$work/loopback" ARCH=arm64 CROSS_COMPILE=aarch64-linux-gnu- \
-    CC=aarch64-linux-gnu-gcc modules
-  aarch64-linux-gnu-strip --strip-debug -o "$dir/modules/90-v4l2loopback.ko" \
-    "$work/loopback/v4l2loopback.ko"
+}
+
+# build_module HEADERS SOURCE OUT [VARIABLE...]: SOURCE/NAME.ko to OUT, for SOURCE's own name.
+build_module() {
+  local headers=$1 source=$2 out=$3
+  shift 3
+  make -s -C "$headers" M="$source" ARCH=arm64 CROSS_COMPILE=aarch64-linux-gnu- \
+    CC=aarch64-linux-gnu-gcc "$@" modules
+  aarch64-linux-gnu-strip --strip-debug -o "$out" "$source/$(basename "$source").ko"
+}
+
+# Debian's kernel has vimc's source, but not the module.
+unpack_vimc() {
+  local work=$1 inside=linux-source-6.1/drivers/media/test-drivers/vimc
+  tar -xJf "$work/root/usr/src/linux-source-6.1.tar.xz" -C "$work" "$inside"
+  mv "$work/$inside" "$work/vimc"
 }
 
 main() {
   [[ ${1:-} != -h && ${1:-} != --help ]] || { print_help; return; }
   [[ $# -eq 1 ]] || usage_error "expected DIR"
-  local dir=$1 kernel version
+  local dir=$1 kernel version headers
   if [[ -e $dir/$MARK ]]; then
     echo "The virtual board's parts are in $dir."
     return
@@ -131,13 +142,19 @@ main() {
   echo "Fetching $kernel."
   fetch "$work" "$kernel:arm64" busybox-static:arm64 "${SSHD_PACKAGES[@]/%/:arm64}" \
     "linux-headers-$version:arm64" \
-    "linux-headers-${version%-arm64}-common:all" v4l2loopback-dkms:all linux-kbuild-6.1:amd64
+    "linux-headers-${version%-arm64}-common:all" v4l2loopback-dkms:all linux-kbuild-6.1:amd64 \
+    linux-source-6.1:all
   rm -rf "$dir"
   mkdir -p "$dir"
   copy_modules "$work/root" "$version" "$dir/modules" "${DISK[@]}" "${VIVID[@]}"
   copy_modules "$work/root" "$version" "$dir/disk-modules" "${DISK_AND_NET[@]}"
   copy_sshd "$work/root" "$dir"
-  build_loopback "$work" "$dir" "$version"
+  prepare_headers "$work" "$version"
+  headers=$work/root/usr/src/linux-headers-$version
+  cp -r "$work"/root/usr/src/v4l2loopback-* "$work/v4l2loopback"
+  build_module "$headers" "$work/v4l2loopback" "$dir/modules/90-v4l2loopback.ko"
+  unpack_vimc "$work"
+  build_module "$headers" "$work/vimc" "$dir/vimc.ko" CONFIG_VIDEO_VIMC=m
   cp "$work/root/boot/vmlinuz-$version" "$dir/vmlinuz"
   cp "$work/root/bin/busybox" "$dir/busybox"
   echo "$version" > "$dir/$MARK"

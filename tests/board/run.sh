@@ -2,7 +2,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 # The virtual board: an emulated 64-bit ARM machine with Debian's kernel boots, and
 # the static viewfixd runs on its V4L2 devices: vivid for pixel formats and for every fault
-# that it can inject, v4l2loopback for photographs whose fixes must be this machine's.
+# that it can inject, v4l2loopback for photographs whose fixes must be this machine's. A
+# dynamic viewfixd, with libcamera, runs on vimc's sensor.
 #
 #   tests/board/run.sh [--set FOLDER --model FILE] [--cuts N]
 #
@@ -20,6 +21,9 @@ readonly MACHINE="$ROOT/build/board-machine"
 readonly WORK="$ROOT/build/board-test"
 readonly HOST_BIN="${VIEWFIX_HOST_BIN:-$ROOT/build/host-release/bin}"
 readonly BOARD_BUILD="$ROOT/build/aarch64-release"
+readonly DYNAMIC_BUILD="$ROOT/build/aarch64-dynamic"
+readonly SYSROOT="$ROOT/build/sysroots/aarch64"
+readonly IPA=/usr/lib/aarch64-linux-gnu/libcamera  # where libcamera looks for its modules
 readonly FRAMES=6
 readonly MAX_SECONDS=300
 readonly MAX_START_SECONDS=90
@@ -41,6 +45,32 @@ build_programs() {
   "$ROOT/toolchains/make_sysroot.sh" aarch64 arm64
   (cd "$ROOT" && cmake --preset aarch64-release -DVIEWFIX_BOARD_TOOL=ON > /dev/null &&
     cmake --build --preset aarch64-release --target viewfixd board_tool)
+  step "Dynamic viewfixd, with libcamera"
+  (cd "$ROOT" && cmake --preset aarch64-release -B "$DYNAMIC_BUILD" -DVIEWFIX_STATIC=OFF > /dev/null &&
+    cmake --build "$DYNAMIC_BUILD" --target viewfixd)
+}
+
+# copy_libraries PROGRAM FOLDER: what it asks for, and what that asks for, out of the sysroot.
+copy_libraries() {
+  local name file
+  for name in $(aarch64-linux-gnu-readelf -d "$1" | sed -n 's/.*(NEEDED).*\[\(.*\)\]/\1/p'); do
+    [[ ! -e $2/$name ]] || continue
+    file=$(find "$SYSROOT/lib" "$SYSROOT/usr/lib" -name "$name" | head -n 1)
+    [[ -n $file ]] || die "$1 asks for $name, which the sysroot does not have"
+    cp -L "$file" "$2/$name"
+    copy_libraries "$file" "$2"
+  done
+}
+
+# The dynamic program with its libraries, vimc and libcamera's module for it.
+pack_libcamera() {
+  local root=$1
+  mkdir -p "$root/lib" "$root$IPA"
+  cp "$DYNAMIC_BUILD/bin/viewfixd" "$root/bin/viewfixd-dynamic"
+  cp "$SYSROOT$IPA"/ipa_vimc.so* "$root$IPA/"
+  cp "$MACHINE/vimc.ko" "$root/"
+  copy_libraries "$root/bin/viewfixd-dynamic" "$root/lib"
+  copy_libraries "$root$IPA/ipa_vimc.so" "$root/lib"
 }
 
 make_museum() {
@@ -84,6 +114,7 @@ pack() {
   cp "$model" "$root/data/site.vfx"
   cp -r "$WORK/data/frames" "$root/data/"
   mkdir -p "$root/disk"
+  pack_libcamera "$root"
   install -m 755 "$HERE/guest_init.sh" "$root/init"
   python3 -B "$HERE/pack_initramfs.py" "$root" "$WORK/initramfs.gz"
 }
