@@ -6,7 +6,9 @@ rendered museum. Prints each figure beside its limit.
   soak.py replay [--minutes 30]   replays at full speed, with readers that come and go
                                   and a SIGHUP now and then: no growth after the first
                                   minute, no descriptor leaked, every frame answered
-                                  once. Meant for a build with sanitizers (--viewfixd).
+                                  once. Meant for a build with sanitizers (--viewfixd),
+                                  of which the bytes allocated count, not the resident
+                                  ones: the sanitizer's own grow.
   soak.py load                    50 slow and dead readers, /health under 50 streams,
                                   memory, the time an end takes, kill -9
   soak.py still [--minutes 1]     CPU time per hour of a scene in which nothing moves
@@ -41,6 +43,8 @@ TICKS = os.sysconf('SC_CLK_TCK')
 SANITIZER = 'quarantine_size_mb=0:thread_local_quarantine_size_kb=0:detect_leaks=1'
 # Pages that come and go with the allocator; a leak of one line a frame exceeds it within a minute.
 GROWTH_KB = 1024
+# Of what is allocated: lines that readers have not taken yet.
+GROWTH_HEAP_KB = 128
 
 
 class Figures:
@@ -62,12 +66,13 @@ class Daemon:
             probe.bind(('127.0.0.1', 0))
             self.port = probe.getsockname()[1]
         self.socket_path = os.path.join(arguments.folder, 'fixes')
+        self.heap_path = os.path.join(arguments.folder, 'heap_bytes')
         publish = f'unix:{self.socket_path},http:{self.port}' + (',stdout' if on_line else '')
         self.process = subprocess.Popen(
             [arguments.viewfixd, '--model', arguments.model, '--publish', publish, *options],
             stdout=subprocess.PIPE if on_line else subprocess.DEVNULL,
             stderr=open(os.path.join(arguments.folder, 'viewfixd.log'), 'ab'),
-            env={**os.environ, 'ASAN_OPTIONS': SANITIZER})
+            env={**os.environ, 'ASAN_OPTIONS': SANITIZER, **self._heap_counter(arguments)})
         self.reader = threading.Thread(target=self._read, args=(on_line,), daemon=True)
         if on_line:
             self.reader.start()
@@ -79,6 +84,26 @@ class Daemon:
     def __exit__(self, *_):
         if self.process.poll() is None:
             self.end()
+
+    def _heap_counter(self, arguments):
+        """What makes a program with AddressSanitizer tell how much it has allocated."""
+        asked = subprocess.run(['readelf', '-d', arguments.viewfixd], check=True, capture_output=True)
+        self.has_heap = b'libasan' in asked.stdout
+        if not self.has_heap:
+            return {}
+        counter = os.path.join(arguments.folder, 'heap_bytes.so')
+        subprocess.run(['cc', '-shared', '-fPIC', '-o', counter,
+                        os.path.join(ROOT, 'tests', 'soak', 'heap_bytes.c')], check=True)
+        return {'LD_PRELOAD': counter, 'VIEWFIX_HEAP_BYTES': self.heap_path,
+                'ASAN_OPTIONS': SANITIZER + ':verify_asan_link_order=0'}
+
+    def heap_kb(self):
+        """None: this build does not tell, or is just writing it."""
+        if not self.has_heap:
+            return None
+        with open(self.heap_path, encoding='ascii') as file:
+            text = file.read()
+        return int(text) / 1024 if text else None
 
     def _read(self, on_line):
         for line in self.process.stdout:
@@ -266,9 +291,17 @@ class Answers:
         self.lines += 1
 
 
+def judge_memory(kind, sizes_kb, limit_kb, figures, judged=True):
+    """Of pairs of seconds and kilobytes."""
+    early = max((kb for at_s, kb in sizes_kb if at_s <= 90), default=0)
+    late = max(kb for at_s, kb in sizes_kb if at_s >= sizes_kb[-1][0] - 60)
+    figures.say(f'{kind} memory in the first 90 s and in the last minute',
+                f'{early / 1024:.2f}, {late / 1024:.2f} MB', not judged or late - early <= limit_kb)
+
+
 def replay(arguments, figures):
     answers = Answers()
-    rss_kb, descriptors = [], []
+    rss_kb, heap_kb, descriptors = [], [], []
     options = ['--camera', 'replay:' + arguments.frames, '--loop', 'on', '--frame-picture', 'on']
     began = time.monotonic()
     with Daemon(arguments, options, answers.take) as daemon:
@@ -278,6 +311,8 @@ def replay(arguments, figures):
                 urllib.request.urlopen(f'http://127.0.0.1:{daemon.port}/frame.jpg', timeout=10).read()
             daemon.wait_until(lambda: daemon.health()['outputs']['clients'] == 0)
             rss_kb.append((passed_s, daemon.status_kb('VmRSS')))
+            if (kb := daemon.heap_kb()) is not None:
+                heap_kb.append((passed_s, kb))
             descriptors.append(daemon.descriptors())
             # A reload holds two models for a moment: the first minute knows that too.
             if len(rss_kb) < 4 or len(rss_kb) % 10 == 0:
@@ -285,12 +320,11 @@ def replay(arguments, figures):
                 print(f'{passed_s / 60:5.1f} min: {rss_kb[-1][1] / 1024:.1f} MB, {descriptors[-1]} '
                       f'descriptors, {answers.lines} lines', flush=True)
         _, code = daemon.end()
-    early = max((kb for at_s, kb in rss_kb if at_s <= 90), default=0)
-    late = max(kb for at_s, kb in rss_kb if at_s >= rss_kb[-1][0] - 60)
     figures.say(f'{arguments.minutes:g} minutes of replay', f'{answers.lines} frames, exit code {code}',
                 code == 0)
-    figures.say('resident memory in the first 90 s and in the last minute',
-                f'{early / 1024:.1f}, {late / 1024:.1f} MB', late - early <= GROWTH_KB)
+    judge_memory('resident', rss_kb, GROWTH_KB, figures, judged=not heap_kb)
+    if heap_kb:
+        judge_memory('allocated', heap_kb, GROWTH_HEAP_KB, figures)
     # The connection of a question that was just answered may still be closing.
     first, last = min(descriptors[:5]), min(descriptors[-5:])
     figures.say('descriptors in the beginning and at the end', f'{first}, {last}', last <= first)
