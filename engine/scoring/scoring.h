@@ -10,7 +10,7 @@
 namespace viewfix {
 
 // Correlation scores of every (location, view), eq. (5) of the method:
-//   f_p = bias_p + weight_scale_p * sum_w h_w weights_{w,p}
+//   f_p = bias_p + weight_scale_p * sum_w h_w weight_{w,p}
 // Lane-wise float arithmetic over pairs, words ascending: the same bits everywhere.
 //   scores [pairs]. No allocation.
 void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores,
