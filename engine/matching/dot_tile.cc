@@ -139,7 +139,8 @@ void TilePlain(const std::int16_t* queries, const std::int16_t* block, int tile_
 
 #endif
 
-// Most rows are below the limits, which whole vectors see at once.
+// On the paths without compare masks. Most rows are below the limits, which whole vectors see at
+// once.
 struct LikenessKernel {
   VIEWFIX_KERNEL void Run(const std::int32_t* norm2, const std::int32_t* limits,
                           std::int32_t* likeness, std::uint32_t* above) {

@@ -60,7 +60,8 @@ struct AddWordKernel {
 #if defined(__x86_64__)
 
 // As AddWordsKernel, for whole vectors of columns. A word adds one of 16 products to a sum: they
-// are made once, and looked up by one instruction.
+// are made once, and looked up by one instruction. (Masks of ones: what GCC 12 makes of the
+// instructions without masks it takes for uninitialized.)
 [[gnu::target("avx512f")]] void AddWordsAvx512(const std::uint8_t* const* rows, const float* values,
                                                int columns, float* low, float* high) {
   constexpr int kLanes = 16;
