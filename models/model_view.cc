@@ -203,7 +203,8 @@ Status ModelView::LoadScoring() {
   if (!known) return Corrupt("model's scoring rule is unknown");
   const bool sizes = pairs >= 1 && pairs <= 65535 && g.pair_view.size() == pairs &&
                      g.bias.size() == pairs && g.weight_scale.size() == pairs &&
-                     g.weights.size() == pairs * std::size_t(vocabulary_.num_words);
+                     g.weights.size() == std::size_t(PackedWeights(g.num_pairs)) *
+                                             std::size_t(vocabulary_.num_words);
   if (!sizes) return Corrupt("model's scoring tables have wrong sizes");
   if (!AllFinite(g.bias) || !AllFinite(g.weight_scale) || !std::isfinite(g.keyframe_weight)) {
     return Corrupt("model's scoring tables hold a number that is not finite");

@@ -63,9 +63,18 @@ struct ModelScoring {
   std::span<const std::uint16_t> pair_view;      // [pairs]
   std::span<const float> bias;                   // [pairs]
   std::span<const float> weight_scale;           // [pairs]
-  std::span<const std::int8_t> weights;          // [words, pairs]
+  std::span<const std::uint8_t> weights;         // [words, PackedWeights(pairs)]
   float keyframe_weight = 0;
 };
+
+// Weights are -8..7, two a byte.
+inline constexpr int kWeightBias = 8;
+constexpr int PackedWeights(int num_pairs) { return (num_pairs + 1) / 2; }
+//   row  one word's weights
+constexpr int WeightOf(std::span<const std::uint8_t> row, int pair) {
+  const int both = row[pair / 2];
+  return (pair % 2 == 0 ? both & 15 : both >> 4) - kWeightBias;
+}
 
 struct ModelConfidence {
   float offset = 0;

@@ -64,6 +64,29 @@ bool HasHistograms(const ModelData& d) {
   return true;
 }
 
+// Of each word, one weight a pair.
+bool HasWeights(const ModelData& d) {
+  const auto fits = [](std::int8_t weight) {
+    return weight >= -kWeightBias && weight < kWeightBias;
+  };
+  return !d.pair_location.empty() && d.weights.size() % d.pair_location.size() == 0 &&
+         std::ranges::all_of(d.weights, fits);
+}
+
+// As viewfix.fbs says it.
+std::vector<std::uint8_t> PackWeights(const ModelData& d) {
+  const std::size_t pairs = d.pair_location.size();
+  std::vector<std::uint8_t> packed;
+  for (std::size_t begin = 0; begin < d.weights.size(); begin += pairs) {
+    for (std::size_t p = 0; p < pairs; p += 2) {
+      const int even = d.weights[begin + p] + kWeightBias;
+      const int odd = p + 1 < pairs ? d.weights[begin + p + 1] + kWeightBias : 0;
+      packed.push_back(static_cast<std::uint8_t>(even + odd * 16));
+    }
+  }
+  return packed;
+}
+
 struct CodedWords {
   std::vector<std::uint32_t> begin = {0};
   std::vector<std::uint8_t> entries;
@@ -134,7 +157,7 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto pair_view = b.CreateVector(d.pair_view);
   const auto bias = b.CreateVector(d.bias);
   const auto weight_scale = b.CreateVector(d.weight_scale);
-  const auto weights = b.CreateVector(d.weights);
+  const auto weights = b.CreateVector(PackWeights(d));
   const auto scoring = fb::CreateScoring(
       b, static_cast<std::uint8_t>(d.histogram_map), static_cast<std::uint8_t>(d.location_rule),
       locations, views, pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
@@ -193,7 +216,12 @@ void UnpackScoring(const ModelView& m, ModelData& d) {
   d.pair_view = Owned(s.pair_view);
   d.bias = Owned(s.bias);
   d.weight_scale = Owned(s.weight_scale);
-  d.weights = Owned(s.weights);
+  const std::size_t row = PackedWeights(s.num_pairs);
+  for (std::size_t begin = 0; begin < s.weights.size(); begin += row) {
+    for (int p = 0; p < s.num_pairs; ++p) {
+      d.weights.push_back(static_cast<std::int8_t>(WeightOf(s.weights.subspan(begin, row), p)));
+    }
+  }
   d.keyframe_weight = s.keyframe_weight;
 }
 
@@ -266,6 +294,9 @@ void PutLittleEndian(std::uint8_t* to, T value) {
 Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data) {
   if (!HasHistograms(data)) {
     return Status(StatusCode::kInvalidArgument, "a keyframe's words do not ascend or occur");
+  }
+  if (!HasWeights(data)) {
+    return Status(StatusCode::kInvalidArgument, "a weight for each pair and word, -8..7");
   }
   flatbuffers::FlatBufferBuilder builder(1 << 20);
   builder.ForceDefaults(true);

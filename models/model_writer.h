@@ -26,7 +26,7 @@ struct ModelData {
   std::vector<std::uint16_t> pair_view;
   std::vector<float> bias;
   std::vector<float> weight_scale;
-  std::vector<std::int8_t> weights;  // [num_words, pairs]
+  std::vector<std::int8_t> weights;  // [num_words, pairs] -8..7
   float keyframe_weight = 0;
   ModelConfidence confidence;
   std::optional<ModelPoseConfidence> pose_confidence;

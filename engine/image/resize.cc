@@ -5,7 +5,38 @@
 #include <cassert>
 #include <cstddef>
 
+#include "engine/base/cpu_path.h"
+
 namespace viewfix {
+namespace {
+
+// A target row whose every pixel covers a square of whole ones.
+template <int kSide>
+struct SquaresKernel {
+  VIEWFIX_KERNEL void Run(const std::uint8_t* first_row, std::ptrdiff_t row_bytes, int width,
+                          std::uint8_t* out) {
+    constexpr unsigned kArea = kSide * kSide;
+    std::uint8_t* __restrict row = out;
+    for (int x = 0; x < width; ++x) {
+      unsigned sum = kArea / 2;
+      for (int v = 0; v < kSide; ++v) {
+        for (int u = 0; u < kSide; ++u) sum += first_row[v * row_bytes + x * kSide + u];
+      }
+      row[x] = static_cast<std::uint8_t>(sum / kArea);
+    }
+  }
+};
+
+template <int kSide>
+void AverageSquares(const ImageView& image, ImageSize target, std::uint8_t* pixels) {
+  const CpuPath path = BestCpuPath();
+  for (int y = 0; y < target.height; ++y) {
+    RunOnPath<SquaresKernel<kSide>>(path, image.Row(y * kSide), image.row_bytes, target.width,
+                                    pixels + std::size_t(y) * std::size_t(target.width));
+  }
+}
+
+}  // namespace
 
 // A side of `source` pixels becomes `target` pixels. Lengths are counted so that
 // they are whole: a source pixel is `target` long, a target pixel `source`.
@@ -55,11 +86,24 @@ ImageView Shrinker::ShrinkToSide(const ImageView& image) {
   assert(!image.empty() && image.width <= kMaxImageSide && image.height <= kMaxImageSide);
   const ImageSize target = ShrunkSize(image.width, image.height, max_side_);
   if (target.width == image.width && target.height == image.height) return image;
+  const auto is_times = [&](int side) {
+    return target.width * side == image.width && target.height * side == image.height;
+  };
+  if (is_times(2)) {
+    AverageSquares<2>(image, target, pixels_.data());
+  } else if (is_times(3)) {
+    AverageSquares<3>(image, target, pixels_.data());
+  } else {
+    AverageAreas(image, target);
+  }
+  return {pixels_.data(), target.width, target.height, target.width};
+}
+
+void Shrinker::AverageAreas(const ImageView& image, ImageSize target) {
   for (int y = 0; y < target.height; ++y) {
     SumRows(image, y, target.height);
     AverageColumns(image, target, pixels_.data() + std::size_t(y) * std::size_t(target.width));
   }
-  return {pixels_.data(), target.width, target.height, target.width};
 }
 
 }  // namespace viewfix

@@ -38,6 +38,7 @@ class Shrinker {
   int max_side() const { return max_side_; }
 
  private:
+  void AverageAreas(const ImageView& image, ImageSize target);
   void SumRows(const ImageView& image, int target_y, int target_height);
   void AverageColumns(const ImageView& image, ImageSize target, std::uint8_t* row) const;
 

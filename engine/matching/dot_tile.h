@@ -31,4 +31,13 @@ using DotTile = void (*)(const std::int16_t* queries, const std::int16_t* block,
                          std::int32_t* products);
 DotTile DotTileFor(CpuPath path);
 
+// How like each query is to each row, and which rows are more like it than a limit:
+//   norm2 [kTileRows] |r|^2   limits [kTileQueries]
+//   likeness [kTileQueries][kTileRows] 2 q'r - |r|^2, greatest for the least |q - r|
+//   above [kTileQueries] bit r: likeness[r] > limit
+using LikenessTile = void (*)(const std::int16_t* queries, const std::int16_t* block, int tile_dim,
+                              const std::int32_t* norm2, const std::int32_t* limits,
+                              std::int32_t* likeness, std::uint32_t* above);
+LikenessTile LikenessTileFor(CpuPath path);
+
 }  // namespace viewfix

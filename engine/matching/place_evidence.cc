@@ -2,14 +2,21 @@
 #include "engine/matching/place_evidence.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
+#include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "engine/base/cpu_path.h"
+#include "engine/matching/dot_tile.h"
 
 namespace viewfix {
 namespace {
 
 constexpr std::int32_t kFar2 = PlaceEvidence::kFar * PlaceEvidence::kFar;
+constexpr int kBlocksTogether = 16;  // of a list, scanned at once
+constexpr std::int32_t kLargest16 = std::numeric_limits<std::int16_t>::max();
 
 std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
   std::int32_t sum = 0;
@@ -18,85 +25,111 @@ std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
 }
 
 // table[p][c] = x_p'c for all codes c of all parts p of a descriptor x.
-//   codes [dim, kCodesOfPart], table [parts, kCodesOfPart]
+//   codes [dim, kCodesOfPart], table [parts, kCodesOfPart]; what does not fit into T is cut
 struct TableKernel {
+  static constexpr int kCodes = 64;  // sums that stay in registers
+
+  template <typename T>
   VIEWFIX_KERNEL void Run(const std::int8_t* x, int parts, int piece, const std::int16_t* codes,
-                          std::int32_t* table) {
-    for (int p = 0; p < parts; ++p, table += kCodesOfPart) {
-      std::fill_n(table, kCodesOfPart, 0);
-      for (int i = 0; i < piece; ++i, codes += kCodesOfPart) {
-        const std::int16_t value = x[p * piece + i];
-        for (int c = 0; c < kCodesOfPart; ++c) table[c] += std::int32_t{value} * codes[c];
+                          T* table) {
+    for (int p = 0; p < parts; ++p) {
+      for (int begin = 0; begin < kCodesOfPart; begin += kCodes) {
+        std::array<T, kCodes> sums{};
+        for (int i = p * piece; i < (p + 1) * piece; ++i) {
+          const std::int16_t* const row = codes + i * kCodesOfPart + begin;
+          const T value = x[i];
+          for (int c = 0; c < kCodes; ++c) sums[c] = static_cast<T>(sums[c] + value * row[c]);
+        }
+        std::copy(sums.begin(), sums.end(), table + p * kCodesOfPart + begin);
       }
     }
   }
 };
 
-// Rotation times x: sums[i] = sum over j of columns[j][i] x_j.
-//   columns [dim, dim], sums [dim]
-struct TurnKernel {
-  VIEWFIX_KERNEL void Run(const std::int8_t* x, int dim, const std::int16_t* columns,
-                          std::int32_t* sums) {
-    std::fill_n(sums, dim, 0);
-    for (int j = 0; j < dim; ++j, columns += dim) {
-      const std::int16_t value = x[j];
-      for (int i = 0; i < dim; ++i) sums[i] += std::int32_t{value} * columns[i];
+// Sums of a tile, as Turner says.
+//   sums [kTileQueries, kTileRows]   turned [n, dim]
+struct RoundKernel {
+  VIEWFIX_KERNEL void Run(const std::int32_t* sums, int n, int rows, int dim, std::int8_t* turned) {
+    for (int q = 0; q < n; ++q) {
+      std::array<std::int32_t, kTileRows> rounded;
+      for (int r = 0; r < kTileRows; ++r) {
+        const std::int32_t sum = sums[q * kTileRows + r];
+        rounded[r] = std::clamp((sum + (sum < 0 ? -63 : 63)) / 127, -127, 127);
+      }
+      for (int r = 0; r < rows; ++r) turned[q * dim + r] = static_cast<std::int8_t>(rounded[r]);
     }
   }
 };
 
-// The sum of what a detail's codes stand for.
+// The sum of what a detail's codes stand for; the codes of its parts lie `stride` apart.
 //   kParts   where the compiler is to know it and needs no loop; 0: `parts` says
 template <int kParts>
-std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, int parts) {
+std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, std::size_t stride,
+                      int parts) {
   const int n = kParts > 0 ? kParts : parts;
   std::int32_t sum = 0;
-  for (int p = 0; p < n; ++p) sum += table[p * kCodesOfPart + codes[p]];
+  for (int p = 0; p < n; ++p) sum += table[p * kCodesOfPart + codes[p * stride]];
   return sum;
 }
 
 }  // namespace
 
-Turner::Turner(std::span<const std::int8_t> rotation, int dim)
-    : dim_(dim), path_(BestCpuPath()), columns_(rotation.size()), sums_(dim) {
+Turner::Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path)
+    : dim_(dim),
+      path_(path),
+      rows_(std::size_t((dim + kTileRows - 1) / kTileRows) * kTileRows * TileDim(dim)) {
   for (int i = 0; i < dim; ++i) {
-    for (int j = 0; j < dim; ++j) {
-      columns_[std::size_t(j) * dim + i] = rotation[std::size_t(i) * dim + j];
+    PackRow(rotation.subspan(std::size_t(i) * dim, dim), i % kTileRows,
+            &rows_[std::size_t(i / kTileRows) * kTileRows * TileDim(dim)]);
+  }
+}
+
+void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned) const {
+  std::array<std::int16_t, kTileQueries * kMaxDescriptorDim> queries{};
+  std::array<std::int32_t, kTileQueries * kTileRows> sums;
+  assert(dim_ <= kMaxDescriptorDim);
+  const int tile_dim = TileDim(dim_);
+  const int size = static_cast<int>(descriptors.size()) / dim_;
+  for (int begin = 0; begin < size; begin += kTileQueries) {
+    const int n = std::min(kTileQueries, size - begin);
+    for (int i = 0; i < n; ++i) {
+      PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
+    }
+    for (int row = 0; row < dim_; row += kTileRows) {
+      DotTileFor(path_)(queries.data(), rows_.data() + std::size_t(row) * tile_dim, tile_dim,
+                        sums.data());
+      RunOnPath<RoundKernel>(path_, sums.data(), n, std::min(kTileRows, dim_ - row), dim_,
+                             turned + std::size_t(begin) * dim_ + row);
     }
   }
 }
 
-void Turner::Turn(const std::int8_t* descriptor, std::int8_t* turned) {
-  RunOnPath<TurnKernel>(path_, descriptor, dim_, columns_.data(), sums_.data());
-  for (int i = 0; i < dim_; ++i) {
-    const std::int32_t rounded = (sums_[i] + (sums_[i] < 0 ? -63 : 63)) / 127;
-    turned[i] = static_cast<std::int8_t>(std::clamp(rounded, -127, 127));
-  }
-}
-
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
-                             const ModelDetails& details, int num_locations, int max_features)
+                             const ModelDetails& details, int num_locations, int max_features,
+                             CpuPath path)
     : dim_(dim),
-      path_(BestCpuPath()),
+      path_(path),
+      scan_(ScanCodesFor(path)),
+      block_shift_(scan_ == nullptr ? 0 : kScanBlockShift),
       details_(details),
-      turner_(details.rotation, dim),
+      turner_(details.rotation, dim, path),
       common_(num_locations),
       words_(words.size()),
       codebook_(details.codebook.size()),
       list_begin_(2 * (words.size() / dim) + 1, 0),
       location_(details.size),
-      codes_(details.codes.size()),
       norm2_(details.size),
-      turned_(dim),
-      table_(std::size_t(details.parts) * kCodesOfPart),
-      nearest2_(num_locations + 1, kFar2),
+      turned_(std::size_t(max_features) * dim),
+      wide_table_(std::size_t(details.parts) * kCodesOfPart),
+      table_(wide_table_.size()),
+      sums_(kBlocksTogether * kScanBlock),
       evidence_(num_locations + 1, 0.0F),
       votes_(num_locations + 1, 0),
       choices_(max_features, -1) {
-  touched_.reserve(num_locations + 1);
-  for (std::size_t w = 0; w < words.size(); w += dim) {
-    turner_.Turn(words.data() + w, words_.data() + w);
-  }
+  const std::size_t blocks = (std::size_t(details.size) + kScanBlock - 1) / kScanBlock;
+  codes_.resize(blocks * kScanBlock * details.parts);
+  if (scan_ != nullptr) half_norm2_.resize(blocks * kScanBlock);
+  turner_.Turn(words, words_.data());
   const int piece = dim / details.parts;
   for (int p = 0; p < details.parts; ++p) {
     for (int c = 0; c < kCodesOfPart; ++c) {
@@ -108,6 +141,11 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
   }
   ListDetails();
   SumNorms();
+}
+
+std::size_t PlaceEvidence::CodeAt(std::uint32_t detail, int part) const {
+  const std::size_t block = std::size_t{detail >> block_shift_} * details_.parts + part;
+  return (block << block_shift_) + (detail & ((1U << block_shift_) - 1));
 }
 
 // The model keeps a location's details together; a feature asks for those of a word.
@@ -124,80 +162,116 @@ void PlaceEvidence::ListDetails() {
   const std::uint8_t* codes = details_.codes.data();
   for (int l = 0; l <= common_; ++l) {
     for (std::size_t list = 0; list < lists; ++list) {
-      const std::size_t bytes = std::size_t(size_of(l, list)) * details_.parts;
-      std::copy_n(codes, bytes, codes_.begin() + std::size_t(next[list]) * details_.parts);
-      std::fill_n(location_.begin() + next[list], size_of(l, list), static_cast<std::uint16_t>(l));
-      next[list] += size_of(l, list);
-      codes += bytes;
+      for (int i = 0; i < size_of(l, list); ++i) {
+        const std::uint32_t detail = next[list]++;
+        location_[detail] = static_cast<std::uint16_t>(l);
+        for (int p = 0; p < details_.parts; ++p) codes_[CodeAt(detail, p)] = *codes++;
+      }
     }
   }
 }
 
 // |w + r|^2 = |w|^2 + sum over parts of 2 w'c + |c|^2.
 void PlaceEvidence::SumNorms() {
-  const int piece = dim_ / details_.parts;
-  std::vector<std::int32_t> code_norm2(table_.size());
+  const int parts = details_.parts, piece = dim_ / parts;
+  std::vector<std::int32_t> code_norm2(wide_table_.size());
   for (std::size_t code = 0; code < code_norm2.size(); ++code) {
     const std::int8_t* centre = details_.codebook.data() + code * piece;
     code_norm2[code] = Dot(centre, centre, piece);
   }
+  for (auto part = code_norm2.begin(); part != code_norm2.end(); part += kCodesOfPart) {
+    longest2_ += *std::max_element(part, part + kCodesOfPart);
+  }
   for (std::size_t list = 0; list + 1 < list_begin_.size(); ++list) {
     if (list_begin_[list] == list_begin_[list + 1]) continue;
     const std::int8_t* word = words_.data() + list / 2 * dim_;
-    FillTable(word);
-    for (std::size_t code = 0; code < table_.size(); ++code) {
-      table_[code] = 2 * table_[code] + code_norm2[code];
+    RunOnPath<TableKernel>(path_, word, parts, piece, codebook_.data(), wide_table_.data());
+    for (std::size_t code = 0; code < wide_table_.size(); ++code) {
+      wide_table_[code] = 2 * wide_table_[code] + code_norm2[code];
     }
     const std::int32_t word_norm2 = Dot(word, word, dim_);
     for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
-      const std::uint8_t* codes = codes_.data() + std::size_t(d) * details_.parts;
-      norm2_[d] = word_norm2 + SumCodes<0>(table_.data(), codes, details_.parts);
+      norm2_[d] = word_norm2 + SumCodes<0>(wide_table_.data(), &codes_[CodeAt(d, 0)],
+                                           std::size_t{1} << block_shift_, parts);
     }
+  }
+  for (std::size_t d = 0; scan_ != nullptr && d < norm2_.size(); ++d) {
+    half_norm2_[d] = static_cast<std::int16_t>(std::min(norm2_[d] / 2, kLargest16));
   }
 }
 
-void PlaceEvidence::FillTable(const std::int8_t* descriptor) {
-  RunOnPath<TableKernel>(path_, descriptor, details_.parts, dim_ / details_.parts, codebook_.data(),
-                         table_.data());
+// Whether all products fit into 16 bits: |q'r| <= |q| |r|. Real descriptors' are far from it.
+bool PlaceEvidence::FitsTable(std::int32_t query_norm2) const {
+  return query_norm2 * longest2_ <= std::int64_t{kLargest16} * kLargest16;
 }
 
-void PlaceEvidence::CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list) {
+void PlaceEvidence::FillTable(const std::int8_t* descriptor, bool narrow) {
+  const int parts = details_.parts, piece = dim_ / parts;
+  if (narrow) {
+    RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), table_.data());
+  } else {
+    RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), wide_table_.data());
+  }
+}
+
+// Whatever is not nearer than the second nearest location cannot change the vote.
+void PlaceEvidence::Take(std::uint32_t detail, std::int32_t distance2, int hidden) {
+  distance2 = std::max(distance2, 0);
+  const int location = location_[detail];
+  if (distance2 >= nearest_.second_distance2 || location == hidden) return;
+  if (location == nearest_.location) {
+    nearest_.distance2 = std::min(nearest_.distance2, distance2);
+  } else if (distance2 < nearest_.distance2) {
+    nearest_ = {distance2, nearest_.distance2, location};
+  } else {
+    nearest_.second_distance2 = distance2;
+  }
+}
+
+//   base  |q|^2 - 2 q'w of the feature q and the list's word w
+void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, int hidden) {
   const int parts = details_.parts;
-  const std::int32_t base = query_norm2 - 2 * word_dot;
-  for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
-    const std::uint8_t* codes = codes_.data() + std::size_t(d) * parts;
-    const std::int32_t product = parts == 8 ? SumCodes<8>(table_.data(), codes, parts)
-                                            : SumCodes<0>(table_.data(), codes, parts);
+  const std::size_t stride = std::size_t{1} << block_shift_;
+  for (std::uint32_t d = list[0]; d < list[1]; ++d) {
+    const std::uint8_t* codes = &codes_[CodeAt(d, 0)];
+    const std::int32_t product = parts == 8 ? SumCodes<8>(wide_table_.data(), codes, stride, parts)
+                                            : SumCodes<0>(wide_table_.data(), codes, stride, parts);
     const std::int32_t distance2 = base + norm2_[d] - 2 * product;
-    if (distance2 >= kFar2) continue;
-    std::int32_t& nearest2 = nearest2_[location_[d]];
-    if (nearest2 == kFar2) touched_.push_back(location_[d]);
-    nearest2 = std::min(nearest2, std::max(distance2, 0));
+    if (distance2 < nearest_.second_distance2) Take(d, distance2, hidden);
   }
 }
 
-// Of the feature whose distances are in nearest2_, which is cleared. Returns what it spoke for.
-int PlaceEvidence::Vote(int hidden) {
-  std::int32_t first2 = kFar2, second2 = kFar2;
-  int location = -1;
-  for (const int l : touched_) {
-    const std::int32_t distance2 = nearest2_[l];
-    nearest2_[l] = kFar2;
-    if (l == hidden) continue;
-    if (distance2 < first2) {
-      second2 = first2;
-      first2 = distance2;
-      location = l;
-    } else {
-      second2 = std::min(second2, distance2);
+// The same, by blocks: those whose product q'r is too small for their length are passed over.
+void PlaceEvidence::CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden) {
+  constexpr std::uint32_t kTogether = kBlocksTogether * kScanBlock;
+  const std::uint32_t begin = list[0], end = list[1];
+  std::array<std::uint32_t, kBlocksTogether> found;
+  for (std::uint32_t first = begin / kScanBlock * kScanBlock; first < end; first += kTogether) {
+    const std::uint32_t size = std::min(end - first, kTogether);
+    const int blocks = static_cast<int>((size + kScanBlock - 1) / kScanBlock);
+    // base + |r|^2 - 2 q'r < second^2, with |r|^2 rounded down.
+    const std::int32_t least = ((base - nearest_.second_distance2) >> 1) + 1;
+    scan_(table_.data(), &codes_[std::size_t(first) * details_.parts], &half_norm2_[first],
+          details_.parts, blocks,
+          static_cast<std::int16_t>(std::clamp(least, -kLargest16 - 1, kLargest16)), sums_.data(),
+          found.data());
+    for (int b = 0; b < blocks; ++b) {
+      for (std::uint32_t bits = found[b]; bits != 0; bits &= bits - 1) {
+        const std::uint32_t i = b * kScanBlock + std::countr_zero(bits);
+        if (first + i < begin || first + i >= end) continue;
+        Take(first + i, base + norm2_[first + i] - 2 * sums_[i], hidden);
+      }
     }
   }
-  touched_.clear();
-  if (first2 == second2) return -1;
-  const float gap = static_cast<float>(second2 - first2) / kUnit;
-  evidence_[location] += gap * std::sqrt(gap);
-  ++votes_[location];
-  return location;
+}
+
+// Of the feature whose nearest locations are in nearest_. Returns what it spoke for.
+int PlaceEvidence::Vote() {
+  if (nearest_.distance2 == nearest_.second_distance2) return -1;
+  const float gap = static_cast<float>(nearest_.second_distance2 - nearest_.distance2) / kUnit;
+  evidence_[nearest_.location] += gap * std::sqrt(gap);
+  ++votes_[nearest_.location];
+  return nearest_.location;
 }
 
 void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
@@ -206,17 +280,26 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
                           int hidden) {
   std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
+  turner_.Turn(descriptors, turned_.data());
+  std::size_t w = 0;
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    turner_.Turn(descriptors.data() + i * dim_, turned_.data());
-    FillTable(turned_.data());
-    const std::int32_t norm2 = Dot(turned_.data(), turned_.data(), dim_);
-    const int dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;
-    for (int v = 0; v < words_per_feature; ++v) {
-      const int word = words_of_features[i * words_per_feature + v];
-      const std::int32_t dot = Dot(turned_.data(), words_.data() + std::size_t(word) * dim_, dim_);
-      CompareWithList(norm2, dot, 2 * word + dark);
+    const std::int8_t* const descriptor = turned_.data() + i * dim_;
+    const std::int32_t norm2 = Dot(descriptor, descriptor, dim_);
+    const bool narrow = scan_ != nullptr && FitsTable(norm2);
+    FillTable(descriptor, narrow);
+    nearest_ = {kFar2, kFar2, -1};
+    const std::size_t dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;
+    for (int v = 0; v < words_per_feature; ++v, ++w) {
+      const std::size_t word = words_of_features[w];
+      const std::int32_t dot = Dot(descriptor, words_.data() + word * dim_, dim_);
+      const std::uint32_t* const list = &list_begin_[2 * word + dark];
+      if (narrow) {
+        CompareBlocks(norm2 - 2 * dot, list, hidden);
+      } else {
+        CompareEach(norm2 - 2 * dot, list, hidden);
+      }
     }
-    choices_[i] = Vote(hidden);
+    choices_[i] = Vote();
   }
 }
 

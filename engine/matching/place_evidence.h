@@ -7,23 +7,24 @@
 
 #include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
+#include "engine/matching/code_scan.h"
 #include "models/model_view.h"
 
 namespace viewfix {
 
-// A descriptor as the details' codes see it: rotation * descriptor / 127, rounded, cut to a byte.
-// Exact in integers. Allocates in the constructor only. One instance serves one thread.
+// Descriptors as the details' codes see them: rotation * descriptor / 127, rounded, cut to a byte.
+// Exact in integers. Allocates in the constructor only. Thread-safe.
 class Turner {
  public:
-  Turner(std::span<const std::int8_t> rotation, int dim);  // [dim, dim], copied
-  //   descriptor [dim], turned [dim]
-  void Turn(const std::int8_t* descriptor, std::int8_t* turned);
+  //   rotation [dim, dim], copied; dim in 1..128
+  Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path = BestCpuPath());
+  //   descriptors [n, dim], turned [n, dim]
+  void Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned) const;
 
  private:
   int dim_;
   CpuPath path_;
-  std::vector<std::int16_t> columns_;  // [dim, dim] the rotation's, one after another
-  std::vector<std::int32_t> sums_;     // [dim]
+  std::vector<std::int16_t> rows_;  // the rotation's, in blocks of matching/dot_tile.h
 };
 
 // What a frame's features say for each location, by the details that the model keeps of it. A
@@ -53,7 +54,7 @@ class PlaceEvidence {
   //   details  borrowed: must outlive this
   //   max_features: that Weigh() is given at most
   PlaceEvidence(std::span<const std::int8_t> words, int dim, const ModelDetails& details,
-                int num_locations, int max_features);
+                int num_locations, int max_features, CpuPath path = BestCpuPath());
 
   //   descriptors [n, dim], keypoints [n]
   //   words_of_features [n, words_per_feature] as Vocabulary::NearestWords() gives them
@@ -71,27 +72,43 @@ class PlaceEvidence {
   std::span<const int> choices() const { return choices_; }
 
  private:
+  // The nearest and the second nearest location of one feature.
+  struct Nearest {
+    std::int32_t distance2 = 0;         // squared; kFar^2: none
+    std::int32_t second_distance2 = 0;  // of the nearest of another location
+    int location = -1;
+  };
+
+  std::size_t CodeAt(std::uint32_t detail, int part) const;
   void ListDetails();
   void SumNorms();
-  void FillTable(const std::int8_t* descriptor);
-  void CompareWithList(std::int32_t query_norm2, std::int32_t word_dot, int list);
-  int Vote(int hidden);
+  bool FitsTable(std::int32_t query_norm2) const;
+  void FillTable(const std::int8_t* descriptor, bool narrow);
+  void Take(std::uint32_t detail, std::int32_t distance2, int hidden);
+  void CompareEach(std::int32_t base, const std::uint32_t* list, int hidden);
+  void CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden);
+  int Vote();
 
   int dim_;
   CpuPath path_;
+  ScanCodes scan_;   // null: details are compared one by one
+  int block_shift_;  // codes lie in blocks of 2^block_shift_ details, part after part
   ModelDetails details_;
   Turner turner_;
   int common_;                          // stands for the common details: one behind the locations
   std::vector<std::int8_t> words_;      // [words, dim] turned
   std::vector<std::int16_t> codebook_;  // [parts, dim / parts, kCodesOfPart]: codes side by side
+  std::int64_t longest2_ = 0;           // squared length of the longest that codes stand for
   std::vector<std::uint32_t> list_begin_;  // [2 words + 1] into the details, by list
   std::vector<std::uint16_t> location_;    // [details]
-  std::vector<std::uint8_t> codes_;        // [details, parts]
+  std::vector<std::uint8_t> codes_;        // [details, parts], as CodeAt() says
   std::vector<std::int32_t> norm2_;        // [details]
-  std::vector<std::int8_t> turned_;        // [dim] the feature at hand
-  std::vector<std::int32_t> table_;        // [parts, kCodesOfPart] q'c of the feature at hand
-  std::vector<std::int32_t> nearest2_;     // [locations + 1] squared distance; kFar^2: none
-  std::vector<int> touched_;               // locations that are nearer than that
+  std::vector<std::int16_t> half_norm2_;   // [details] for scan_
+  std::vector<std::int8_t> turned_;        // [features, dim]
+  std::vector<std::int32_t> wide_table_;   // [parts, kCodesOfPart] q'c of the feature at hand
+  std::vector<std::int16_t> table_;        // the same, where it fits
+  std::vector<std::int16_t> sums_;         // [kBlocksTogether, kScanBlock] for scan_
+  Nearest nearest_;                        // of the feature at hand
   std::vector<float> evidence_;            // [locations + 1]
   std::vector<int> votes_;                 // [locations + 1]
   std::vector<int> choices_;               // [features]

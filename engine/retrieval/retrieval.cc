@@ -36,19 +36,46 @@ void Retrieval::SetQuery(const Histogram& query) {
   for (int i = 0; i < query.size(); ++i) query_[query.words[i]] = query.values[i];
 }
 
-float Retrieval::Similarity(int keyframe_idx) const {
+// One keyframe's words, in their order.
+struct Retrieval::Walk {
+  const std::uint8_t* entry;
+  const std::uint8_t* end;
+  const float* value;  // the query's, of the word before `entry`
   float dot = 0.0F;
-  int word = -1;
-  for (std::uint32_t j = keyframes_.word_begin[keyframe_idx];
-       j < keyframes_.word_begin[keyframe_idx + 1]; ++j) {
-    word += StepOf(keyframes_.words[j]);
-    dot += query_[word] * mapped_count_[CountOf(keyframes_.words[j])];
-  }
-  return scale_[keyframe_idx] * dot - 0.5F * norm2_[keyframe_idx];
-}
 
+  void Step(const std::array<float, kMaxKeyframeCount + 1>& mapped_count) {
+    value += StepOf(*entry);
+    dot += *value * mapped_count[CountOf(*entry)];
+    ++entry;
+  }
+};
+
+// Two keyframes go together as far as both have words: a sum waits for its last addition, but not
+// for the other's.
 void Retrieval::Similarities(std::span<float> similarities) const {
-  for (int k = 0; k < keyframes_.size; ++k) similarities[k] = Similarity(k);
+  const auto walk_of = [&](int k) {
+    const std::uint8_t* const words = keyframes_.words.data();
+    return Walk{words + keyframes_.word_begin[k], words + keyframes_.word_begin[k + 1],
+                query_.data() - 1};
+  };
+  const auto finish = [&](int k, Walk& walk) {
+    while (walk.entry != walk.end) walk.Step(mapped_count_);
+    similarities[k] = scale_[k] * walk.dot - 0.5F * norm2_[k];
+  };
+  int k = 0;
+  for (; k + 1 < keyframes_.size; k += 2) {
+    Walk first = walk_of(k), second = walk_of(k + 1);
+    while (first.entry != first.end && second.entry != second.end) {
+      first.Step(mapped_count_);
+      second.Step(mapped_count_);
+    }
+    finish(k, first);
+    finish(k + 1, second);
+  }
+  if (k < keyframes_.size) {
+    Walk last = walk_of(k);
+    finish(k, last);
+  }
 }
 
 }  // namespace viewfix

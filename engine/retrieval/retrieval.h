@@ -21,12 +21,13 @@ class Retrieval {
   // Keyframes of a pair: [first, last).
   int FirstOf(int pair_idx) const { return first_of_pair_[pair_idx]; }
   int LastOf(int pair_idx) const { return first_of_pair_[pair_idx + 1]; }
-  // q'h - |h|^2 / 2: orders keyframes as their Euclidean distance to the query does.
-  float Similarity(int keyframe_idx) const;
-  // Of all keyframes: [keyframes].
+  // q'h - |h|^2 / 2 of all keyframes: orders them as their Euclidean distance to the query does.
+  //   similarities [keyframes]
   void Similarities(std::span<float> similarities) const;
 
  private:
+  struct Walk;
+
   ModelKeyframes keyframes_;
   std::array<float, kMaxKeyframeCount + 1> mapped_count_;  // of a count, before scale_; of 0: 0
   std::vector<float> query_;                               // [words] dense

@@ -10,7 +10,7 @@
 namespace viewfix {
 
 // Correlation scores of every (location, view), eq. (5) of the method:
-//   f_p = bias_p + weight_scale_p * sum_w h_w weights_{w,p}
+//   f_p = bias_p + weight_scale_p * sum_w h_w weight_{w,p}
 // Lane-wise float arithmetic over pairs, words ascending: the same bits everywhere.
 //   scores [pairs]. No allocation.
 void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span<float> scores,
@@ -18,7 +18,7 @@ void ScorePairs(const ModelScoring& model, const Histogram& histogram, std::span
 
 // Adds to each pair's score what its most similar keyframe says:
 //   f'_p = f_p + keyframe_weight * max_k s_k over the keyframes k of pair p,
-// s_k as Retrieval::Similarity() gives it; a pair without keyframes adds kNoSimilarity.
+// s_k as Retrieval::Similarities() gives it; a pair without keyframes adds kNoSimilarity.
 //   similarities [keyframes], pair_scores [pairs]. No allocation.
 inline constexpr float kNoSimilarity = -0.5F;  // of histograms that share no word
 void AddKeyframeSimilarity(const ModelScoring& model, const ModelKeyframes& keyframes,

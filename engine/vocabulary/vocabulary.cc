@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cassert>
 #include <cmath>
 #include <limits>
@@ -27,28 +28,15 @@ struct Ranking {
     similarity[r] = new_similarity;
     word[r] = static_cast<std::uint16_t>(new_word);
   }
-};
 
-// The words of one block, for the descriptors of one tile: most of them are farther than
-// what has been found already, which whole vectors see at once.
-struct RankKernel {
-  //   products [kTileQueries][kTileRows]   norm2 [kTileRows]   rankings [n], n <= kTileQueries
-  VIEWFIX_KERNEL void Run(const std::int32_t* products, const std::int32_t* norm2, int first_word,
-                          int n, int ranks, Ranking* rankings) {
-    for (int i = 0; i < n; ++i) {
-      std::array<std::int32_t, kTileRows> similarity;
-      const std::int32_t worst = rankings[i].similarity[ranks - 1];
-      int nearer = 0;
-      for (int w = 0; w < kTileRows; ++w) {
-        similarity[w] = 2 * products[i * kTileRows + w] - norm2[w];
-        nearer |= similarity[w] > worst ? 1 : 0;
-      }
-      if (nearer == 0) continue;
-      for (int w = 0; w < kTileRows; ++w) {
-        if (similarity[w] <= rankings[i].similarity[ranks - 1]) continue;
-        rankings[i].Insert(ranks, similarity[w], first_word + w);
-      }
+  // Those words of a block, bits of `nearer`, that are more similar. Returns how similar the last
+  // of `ranks` is then.
+  std::int32_t Take(int ranks, std::uint32_t nearer, const std::int32_t* of_block, int first_word) {
+    for (; nearer != 0; nearer &= nearer - 1) {
+      const int w = std::countr_zero(nearer);
+      if (of_block[w] > similarity[ranks - 1]) Insert(ranks, of_block[w], first_word + w);
     }
+    return similarity[ranks - 1];
   }
 };
 
@@ -71,10 +59,12 @@ Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
   std::array<std::int16_t, kTileQueries * kMaxDescriptorDim> queries{};
-  std::array<std::int32_t, kTileQueries * kTileRows> products;
+  std::array<std::int32_t, kTileQueries * kTileRows> similarity;
+  std::array<std::uint32_t, kTileQueries> nearer;
+  std::array<std::int32_t, kTileQueries> worst;  // of what the rankings hold
   std::array<Ranking, kTileQueries> rankings;
   assert(dim_ <= kMaxDescriptorDim && words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
-  const DotTile dot_tile = DotTileFor(path_);
+  const LikenessTile likeness_tile = LikenessTileFor(path_);
   const int tile_dim = TileDim(dim_);
   const int size = static_cast<int>(descriptors.size()) / dim_;
   auto out = words_out.begin();
@@ -84,11 +74,16 @@ void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int word
       PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
       rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
     }
+    worst.fill(std::numeric_limits<std::int32_t>::max());
+    std::fill_n(worst.begin(), n, std::numeric_limits<std::int32_t>::min());
     for (int word = 0; word < static_cast<int>(norm2_.size()); word += kTileRows) {
-      dot_tile(queries.data(), words_.data() + std::size_t(word) * tile_dim, tile_dim,
-               products.data());
-      RunOnPath<RankKernel>(path_, products.data(), norm2_.data() + word, word, n,
-                            words_per_descriptor, rankings.data());
+      likeness_tile(queries.data(), words_.data() + std::size_t(word) * tile_dim, tile_dim,
+                    norm2_.data() + word, worst.data(), similarity.data(), nearer.data());
+      for (int i = 0; i < n; ++i) {
+        if (nearer[i] == 0) continue;
+        worst[i] = rankings[i].Take(words_per_descriptor, nearer[i],
+                                    similarity.data() + i * kTileRows, word);
+      }
     }
     for (int i = 0; i < n; ++i) {
       out = std::copy_n(rankings[i].word.begin(), words_per_descriptor, out);

@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: BSD-3-Clause
+#include <malloc.h>
+
 #include <CLI/CLI.hpp>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -6,8 +8,10 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <vector>
 
+#include "engine/localizer.h"
 #include "firmware_tools/cli/commands.h"
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/evaluation/evaluate.h"
@@ -82,6 +86,20 @@ Json FloorPlanAsJson(const ModelFloorPlan& plan) {
       {"site_from_pixel", std::vector(plan.site_from_pixel.begin(), plan.site_from_pixel.end())}};
 }
 
+std::size_t HeapBytes() {
+  const struct mallinfo2 heap = mallinfo2();
+  return heap.uordblks + heap.hblkhd;
+}
+
+// What a localizer takes besides the model, all of it in Create(): counted by making one. None for
+// features that no board has, or where the heap does not count (AddressSanitizer's).
+std::optional<std::size_t> LocalizerBytes(const ModelView& model) {
+  const std::size_t before = HeapBytes();
+  const Result<Localizer> localizer = Localizer::Create(model, {});
+  if (!localizer.ok() || HeapBytes() <= before) return std::nullopt;
+  return HeapBytes() - before;
+}
+
 Json Describe(const ModelView& model) {
   const ModelFeatures& f = model.features();
   const auto hash = model.short_hash();
@@ -91,6 +109,8 @@ Json Describe(const ModelView& model) {
   json["format_version"] = kModelFormatVersion;
   json["bytes"] = model.bytes().size();
   json["sections"] = SectionsAsJson(model);
+  const std::optional<std::size_t> memory = LocalizerBytes(model);
+  json["localizer_bytes"] = memory ? Json(*memory) : Json(nullptr);
   json["features"] = {{"type", f.type == 1 ? "surf" : "sift"},
                       {"version", f.version},
                       {"descriptor_dim", f.descriptor_dim},
@@ -151,6 +171,9 @@ void PrintForPeople(const std::string& path, const Json& d) {
               d["format_version"].get<int>(), d["bytes"].get<double>() / 1e6);
   for (const auto& [name, bytes] : d["sections"].items()) {
     std::printf("  %-22s %9d bytes\n", name.c_str(), bytes.get<int>());
+  }
+  if (const Json& memory = d["localizer_bytes"]; !memory.is_null()) {
+    std::printf("memory     %.2f MB besides the model, taken once\n", memory.get<double>() / 1e6);
   }
   const Json& f = d["features"];
   std::printf("features   %s version %d, %d a frame, longest side %d%s\n",

@@ -216,10 +216,7 @@ class DetailTrainer {
 
   std::vector<std::int8_t> TurnAll(std::span<const std::int8_t> descriptors) const {
     std::vector<std::int8_t> turned(descriptors.size());
-    Turner turner(rotation_, dim_);
-    for (std::size_t i = 0; i < descriptors.size(); i += dim_) {
-      turner.Turn(descriptors.data() + i, turned.data() + i);
-    }
+    Turner(rotation_, dim_).Turn(descriptors, turned.data());
     return turned;
   }
 

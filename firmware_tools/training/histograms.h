@@ -29,7 +29,7 @@ std::vector<ImageHistograms> BuildHistograms(const FeatureStore& store,
 // the mapped space.
 Eigen::MatrixXf GramMatrix(std::span<const Histogram> histograms, int num_words, int jobs);
 
-// s(k, i): similarity of keyframe k to frame i as Retrieval::Similarity() has it, [n, n].
+// s(k, i): similarity of keyframe k to frame i as Retrieval::Similarities() has it, [n, n].
 Eigen::MatrixXf KeyframeSimilarities(std::span<const Histogram> frames,
                                      std::span<const Histogram> keyframes, int num_words, int jobs);
 

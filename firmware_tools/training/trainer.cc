@@ -187,17 +187,18 @@ Json Record(const ImageSet& set, const TrainOptions& options, const Preparation&
   return record;
 }
 
-// Signed bytes with one scale a column: the largest weight becomes 127.
+// Four bits with one scale a column: the largest weight becomes 7.
 void QuantizeWeights(const ScoreModel& scores, ModelData& model) {
   const Eigen::Index words = scores.weights.rows();
   const Eigen::Index pairs = scores.weights.cols();
   model.weights.resize(words * pairs);
   for (Eigen::Index p = 0; p < pairs; ++p) {
     const float largest = std::max(scores.weights.col(p).cwiseAbs().maxCoeff(), 1e-20F);
-    model.weight_scale.push_back(largest / 127.0F);
+    const float scale = largest / static_cast<float>(kWeightBias - 1);
+    model.weight_scale.push_back(scale);
     for (Eigen::Index w = 0; w < words; ++w) {
       model.weights[w * pairs + p] =
-          static_cast<std::int8_t>(std::lround(scores.weights(w, p) / largest * 127.0F));
+          static_cast<std::int8_t>(std::lround(scores.weights(w, p) / scale));
     }
   }
   model.bias = scores.bias;

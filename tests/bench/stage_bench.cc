@@ -139,8 +139,8 @@ void WordsViewfix(benchmark::State& state, int count) {
     benchmark::DoNotOptimize(words.data());
   }
   const double products = double(count) * double(descriptors.size());
-  state.counters["Gproducts/s"] = benchmark::Counter(
-      products / 1e9, benchmark::Counter::kIsIterationInvariantRate);
+  state.counters["Gproducts/s"] =
+      benchmark::Counter(products / 1e9, benchmark::Counter::kIsIterationInvariantRate);
 }
 
 // What cv::BOWImgDescriptorExtractor does with descriptors given to it.
@@ -157,6 +157,17 @@ void MatchViewfix(benchmark::State& state) {
   const auto queries = Descriptors(images[0]);
   const auto candidates = Descriptors(images[1]);
   DescriptorMatcher matcher(kFeatures, kFeatures, kSurfDim);
+  std::vector<DescriptorMatch> matches(kFeatures);
+  for ([[maybe_unused]] auto _ : state) {
+    benchmark::DoNotOptimize(matcher.Match({queries}, {candidates}, {}, matches).ok());
+  }
+}
+
+// What a frame costs as landmarks grow in number.
+void MatchLandmarks(benchmark::State& state, int landmarks) {
+  const auto queries = Descriptors(Images(640, 480).front());
+  const auto candidates = Words(landmarks);
+  DescriptorMatcher matcher(kFeatures, landmarks, kSurfDim);
   std::vector<DescriptorMatch> matches(kFeatures);
   for ([[maybe_unused]] auto _ : state) {
     benchmark::DoNotOptimize(matcher.Match({queries}, {candidates}, {}, matches).ok());
@@ -194,6 +205,9 @@ void RegisterAll() {
     Register("words/opencv_bow/" + std::to_string(count), WordsOpenCv, count);
   }
   Register("match/viewfix/800x800", MatchViewfix);
+  for (const int landmarks : {3200, 12800}) {
+    Register("match/viewfix/800x" + std::to_string(landmarks), MatchLandmarks, landmarks);
+  }
   Register("match/opencv_bfmatcher/800x800", MatchOpenCv);
 }
 

@@ -35,7 +35,7 @@ TEST(ModelView, ReadsWhatWasWritten) {
   EXPECT_EQ(view->features().max_features, data.features.max_features);
   EXPECT_EQ(view->features().threshold, data.features.threshold);
   EXPECT_THAT(view->vocabulary().words, ::testing::ElementsAreArray(data.words));
-  EXPECT_THAT(view->scoring().weights, ::testing::ElementsAreArray(data.weights));
+  EXPECT_EQ(UnpackModel(*view).weights, data.weights);
   EXPECT_THAT(view->scoring().bias, ::testing::ElementsAreArray(data.bias));
   EXPECT_EQ(view->location_name(1), data.locations[1]);
   EXPECT_EQ(view->view_name(0), data.views[0]);
@@ -359,6 +359,9 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"scale_infinite",
                [](ModelData& d) { d.weight_scale[0] = std::numeric_limits<float>::infinity(); }},
         Broken{"weights_short", [](ModelData& d) { d.weights.pop_back(); }},
+        Broken{"weights_of_a_word_missing",
+               [](ModelData& d) { d.weights.resize(d.weights.size() - 4); }},
+        Broken{"weight_too_large", [](ModelData& d) { d.weights[1] = 8; }},
         Broken{"pair_of_no_location", [](ModelData& d) { d.pair_location[3] = 2; }},
         Broken{"pair_twice", [](ModelData& d) { d.pair_view[3] = d.pair_view[2]; }},
         Broken{"location_without_pair", [](ModelData& d) { d.locations.push_back("zoo"); }},

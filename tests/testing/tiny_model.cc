@@ -65,9 +65,9 @@ ModelData TinyModelData() {
   data.pair_location = {0, 0, 1, 1};
   data.pair_view = {0, 1, 0, 1};
   data.bias.assign(kPairs, 0.125F);
-  data.weight_scale.assign(kPairs, 1.0F / 64);
+  data.weight_scale.assign(kPairs, 1.0F / 16);
   data.weights.resize(std::size_t{kWords} * kPairs);
-  for (std::int8_t& value : data.weights) value = byte();
+  for (std::int8_t& value : data.weights) value = static_cast<std::int8_t>(random() % 15) - 7;
   data.confidence = {.offset = 0, .slope = 2, .threshold = 0};
   FillKeyframes(data);
   data.metric = true;

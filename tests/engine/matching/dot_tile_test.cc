@@ -53,5 +53,39 @@ TEST(DotTile, HoldsTheLargestSums) {
   ExpectExactProducts(queries, rows, dim);
 }
 
+TEST(LikenessTile, ComparesWithEachQuerysLimit) {
+  constexpr int kDim = 9;
+  const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
+  const std::vector<std::int8_t> rows = RandomBytes(kTileRows * kDim, 4);
+  std::vector<std::int16_t> tile(kTileQueries * TileDim(kDim));
+  std::vector<std::int16_t> block(kTileRows * TileDim(kDim));
+  for (int q = 0; q < kTileQueries; ++q) {
+    PackQuery(std::span(queries).subspan(q * kDim, kDim), &tile[q * TileDim(kDim)]);
+  }
+  std::vector<std::int32_t> norm2(kTileRows);
+  for (int r = 0; r < kTileRows; ++r) {
+    PackRow(std::span(rows).subspan(r * kDim, kDim), r, block.data());
+    norm2[r] = 1000 * r;
+  }
+  for (const CpuPath path : CpuPathsHere()) {
+    std::vector<std::int32_t> products(kTileQueries * kTileRows), likeness(products.size());
+    DotTileFor(path)(tile.data(), block.data(), TileDim(kDim), products.data());
+    std::vector<std::int32_t> limits(kTileQueries);
+    for (int q = 0; q < kTileQueries; ++q) {  // what one of the rows reaches, and none
+      limits[q] = q == 0 ? 1 << 30 : 2 * products[q * kTileRows + q] - norm2[q];
+    }
+    std::vector<std::uint32_t> above(kTileQueries);
+    LikenessTileFor(path)(tile.data(), block.data(), TileDim(kDim), norm2.data(), limits.data(),
+                          likeness.data(), above.data());
+    for (int q = 0; q < kTileQueries; ++q) {
+      for (int r = 0; r < kTileRows; ++r) {
+        const int expected = 2 * products[q * kTileRows + r] - norm2[r];
+        ASSERT_EQ(likeness[q * kTileRows + r], expected) << static_cast<int>(path);
+        ASSERT_EQ(above[q] >> r & 1U, expected > limits[q] ? 1U : 0U) << q << " " << r;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace viewfix

@@ -36,7 +36,9 @@ struct Site {
   }
 
   ModelDetails View() const { return {kDetails, 2, rotation, codebook, list_size, codes, 0}; }
-  PlaceEvidence Evidence() const { return {words, kDim, View(), kLocations, kMaxFeatures}; }
+  PlaceEvidence Evidence(CpuPath path = BestCpuPath()) const {
+    return {words, kDim, View(), kLocations, kMaxFeatures, path};
+  }
 
   // Four of each location (the last stands for the common ones) in each of four lists.
   static int LocationOf(int detail) { return detail / 16; }
@@ -99,18 +101,91 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
       descriptors.push_back(static_cast<std::int8_t>(static_cast<int>(random() % 101) - 50));
     }
   }
-  PlaceEvidence evidence = site.Evidence();
-  for (int round = 0; round < 2; ++round) {  // nothing is left over from the first
-    evidence.Weigh(descriptors, keypoints, words, 2);
-    EXPECT_THAT(evidence.evidence(),
-                ::testing::ElementsAreArray(site.Expected(descriptors, keypoints)));
-    for (int l = 0; l < kLocations; ++l) {
-      EXPECT_EQ(std::count(evidence.choices().begin(),
-                           evidence.choices().begin() + static_cast<int>(keypoints.size()), l),
-                evidence.votes()[l]);
+  for (const CpuPath path : CpuPathsHere()) {
+    PlaceEvidence evidence = site.Evidence(path);
+    for (int round = 0; round < 2; ++round) {  // nothing is left over from the first
+      evidence.Weigh(descriptors, keypoints, words, 2);
+      EXPECT_THAT(evidence.evidence(),
+                  ::testing::ElementsAreArray(site.Expected(descriptors, keypoints)));
+      for (int l = 0; l < kLocations; ++l) {
+        EXPECT_EQ(std::count(evidence.choices().begin(),
+                             evidence.choices().begin() + static_cast<int>(keypoints.size()), l),
+                  evidence.votes()[l]);
+      }
+    }
+    EXPECT_GT(*std::max_element(evidence.evidence().begin(), evidence.evidence().end()), 0);
+  }
+}
+
+// Lists longer than what is looked at together, that begin anywhere. Queries lie near the details,
+// whose products with the codes are as large as `code_limit` makes them.
+class LongLists {
+ public:
+  static constexpr int kDim = 64, kParts = 8, kWords = 2, kLocations = 5, kQueries = 200;
+
+  explicit LongLists(int code_limit) {
+    words_ = Bytes(kWords * kDim, 8);
+    codebook_ = Bytes(kCodesOfPart * kDim, code_limit);
+    for (int l = 0; l < (kLocations + 1) * 2 * kWords; ++l) {
+      list_size_.push_back(static_cast<std::uint8_t>(150 + random_() % 100));
+      details_ += list_size_.back();
+    }
+    for (int i = 0; i < details_ * kParts; ++i) {
+      codes_.push_back(static_cast<std::uint8_t>(random_()));
+    }
+    for (int q = 0; q < kQueries; ++q) AddQuery(static_cast<int>(random_() % details_));
+  }
+
+  std::vector<float> Evidence(CpuPath path, int hidden) const {
+    const ModelDetails details = {details_, kParts, rotation_, codebook_, list_size_, codes_, 0};
+    PlaceEvidence evidence(words_, kDim, details, kLocations, kQueries, path);
+    std::vector<Keypoint> keypoints(kQueries);
+    std::vector<std::uint16_t> words;
+    for (int q = 0; q < kQueries; ++q) {
+      keypoints[q].laplacian_sign = q % 2 == 0 ? 1 : -1;
+      words.insert(words.end(), {std::uint16_t(q / 2 % 2), std::uint16_t(1 - q / 2 % 2)});
+    }
+    evidence.Weigh(queries_, keypoints, words, 2, hidden);
+    return {evidence.evidence().begin(), evidence.evidence().end()};
+  }
+
+ private:
+  std::vector<std::int8_t> Bytes(int count, int limit) {
+    std::vector<std::int8_t> bytes;
+    for (int i = 0; i < count; ++i) {
+      bytes.push_back(static_cast<std::int8_t>(int(random_() % (2 * limit + 1)) - limit));
+    }
+    return bytes;
+  }
+
+  void AddQuery(int detail) {
+    constexpr int kPiece = kDim / kParts;
+    const std::vector<std::int8_t> noise = Bytes(kDim, 4);
+    for (int i = 0; i < kDim; ++i) {
+      const int code = codes_[std::size_t(detail) * kParts + i / kPiece];
+      const int of_code =
+          codebook_[(std::size_t(i / kPiece) * kCodesOfPart + code) * kPiece + i % kPiece];
+      queries_.push_back(static_cast<std::int8_t>(of_code + noise[i]));
     }
   }
-  EXPECT_GT(*std::max_element(evidence.evidence().begin(), evidence.evidence().end()), 0);
+
+  std::mt19937 random_{7};
+  std::vector<std::int8_t> words_, codebook_, queries_, rotation_ = NoRotation(kDim);
+  std::vector<std::uint8_t> list_size_, codes_;
+  int details_ = 0;
+};
+
+TEST(PlaceEvidence, IsTheSameOnEveryPath) {
+  for (const int code_limit : {12, 120}) {
+    const LongLists site(code_limit);
+    for (const int hidden : {-1, 2}) {
+      const std::vector<float> plain = site.Evidence(CpuPath::kPlain, hidden);
+      EXPECT_GT(*std::max_element(plain.begin(), plain.end()), 0);
+      for (const CpuPath path : CpuPathsHere()) {
+        EXPECT_EQ(site.Evidence(path, hidden), plain) << static_cast<int>(path);
+      }
+    }
+  }
 }
 
 // A query that is the detail `d` itself.
@@ -185,7 +260,7 @@ TEST(Turner, RoundsAndCuts) {
   const std::vector<std::int8_t> rotation = {127, 127, 64, -64};
   const std::vector<std::int8_t> descriptor = {100, 99};
   std::vector<std::int8_t> turned(2);
-  Turner(rotation, 2).Turn(descriptor.data(), turned.data());
+  Turner(rotation, 2).Turn(descriptor, turned.data());
   EXPECT_THAT(turned, ::testing::ElementsAre(127, 1));
 }
 

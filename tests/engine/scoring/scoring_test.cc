@@ -9,20 +9,29 @@
 namespace viewfix {
 namespace {
 
+// Random weights as a model holds them.
+std::vector<std::uint8_t> RandomWeights(int words, int pairs, unsigned seed) {
+  std::mt19937 random(seed);
+  std::vector<std::uint8_t> packed(std::size_t(words) * PackedWeights(pairs));
+  for (std::uint8_t& both : packed) both = static_cast<std::uint8_t>(random());
+  return packed;
+}
+
+int WeightIn(std::span<const std::uint8_t> packed, int pairs, int word, int pair) {
+  const std::size_t row = PackedWeights(pairs);
+  return WeightOf(packed.subspan(word * row, row), pair);
+}
+
 // Three locations with 2, 1 and 2 pairs over six words.
 struct Fixture {
   std::vector<std::uint16_t> location = {0, 0, 1, 2, 2};
   std::vector<std::uint16_t> view = {0, 1, 0, 0, 1};
   std::vector<float> bias = {0.1F, -0.2F, 0.3F, 0, -1};
   std::vector<float> scale = {0.01F, 0.02F, 0.005F, 0.01F, 0.5F};
-  std::vector<std::int8_t> weights;
+  std::vector<std::uint8_t> weights = RandomWeights(6, 5, 5);
   ModelScoring model;
 
   Fixture() {
-    std::mt19937 random(5);
-    for (int i = 0; i < 6 * 5; ++i) {
-      weights.push_back(static_cast<std::int8_t>(static_cast<int>(random() % 255) - 127));
-    }
     model.num_locations = 3;
     model.num_views = 2;
     model.num_pairs = 5;
@@ -50,7 +59,7 @@ TEST(ScorePairs, IsEquation5) {
   for (int p = 0; p < 5; ++p) {
     double expected = f.bias[p];
     for (int i = 0; i < h.size(); ++i) {
-      expected += double{f.scale[p]} * f.weights[h.words[i] * 5 + p] * h.values[i];
+      expected += double{f.scale[p]} * WeightIn(f.weights, 5, h.words[i], p) * h.values[i];
     }
     EXPECT_NEAR(scores[p], expected, 1e-5) << p;
   }
@@ -60,9 +69,7 @@ TEST(ScorePairs, IsEquation5) {
 TEST(ScorePairs, AddsWordAfterWordOnEveryPath) {
   constexpr int kPairs = 2 * 8192 + 37;
   constexpr int kWords = 11;
-  std::mt19937 random(6);
-  std::vector<std::int8_t> weights(kPairs * kWords);
-  for (auto& weight : weights) weight = static_cast<std::int8_t>(random() % 256 - 128);
+  const std::vector<std::uint8_t> weights = RandomWeights(kWords, kPairs, 6);
   const std::vector<float> bias(kPairs, 0.25F), scale(kPairs, 0.003F);
   ModelScoring model;
   model.num_pairs = kPairs;
@@ -75,7 +82,7 @@ TEST(ScorePairs, AddsWordAfterWordOnEveryPath) {
     histogram.words.push_back(static_cast<std::uint16_t>(w));
     histogram.values.push_back(0.1F + 0.037F * static_cast<float>(w));
     for (int p = 0; p < kPairs; ++p) {
-      expected[p] += histogram.values[w] * static_cast<float>(weights[w * kPairs + p]);
+      expected[p] += histogram.values[w] * static_cast<float>(WeightIn(weights, kPairs, w, p));
     }
   }
   for (float& score : expected) score = 0.25F + 0.003F * score;

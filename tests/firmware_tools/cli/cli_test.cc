@@ -108,7 +108,12 @@ TEST_F(CliTest, FromPhotographsToFigures) {
   EXPECT_EQ(description["words"], 20);
   EXPECT_EQ(description["locations"].size(), 3U);
   EXPECT_EQ(description["training"]["samples"], 30);
-  EXPECT_EQ(Viewfix({"inspect", Model()}).exit_code, 0);
+  const std::string text = Viewfix({"inspect", Model()}).out;
+  if (const auto& bytes = description["localizer_bytes"]; !bytes.is_null()) {  // null: sanitizers'
+    EXPECT_GT(bytes, 640 * 640);  // the largest image that features are found in, to begin with
+    EXPECT_LT(bytes, 32 << 20);
+    EXPECT_THAT(text, HasSubstr("MB besides the model"));
+  }
 }
 
 TEST_F(CliTest, TheSameInputsGiveTheSameBytes) {

@@ -30,7 +30,7 @@ ModelData NamedModel() {
 ModelData TrainedAgain(const ModelData& base) {
   ModelData model = base;
   model.keyframe_names[1] = "another";
-  for (std::int8_t& weight : model.weights) weight = static_cast<std::int8_t>(weight + 1);
+  for (std::int8_t& weight : model.weights) weight = static_cast<std::int8_t>(-weight);
   for (float& bias : model.bias) bias += 1;
   return model;
 }
