@@ -20,7 +20,7 @@ class MultitaskRival : public Method {
  protected:
   virtual std::vector<Parameter> OwnParameters() const = 0;
   //   values   of OwnParameters()
-  virtual MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
+  virtual MultitaskWeights Solve(const LearningTasks& tasks,
                                  std::span<const double> values) const = 0;
 };
 
@@ -30,8 +30,7 @@ class SparseTrace : public MultitaskRival {
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // gamma, tau
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 class ClusteredLearning : public MultitaskRival {
@@ -40,8 +39,7 @@ class ClusteredLearning : public MultitaskRival {
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // rho, eta, k
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 class StructureLearning : public MultitaskRival {
@@ -50,8 +48,7 @@ class StructureLearning : public MultitaskRival {
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // rho, eta, h
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 }  // namespace viewfix
