@@ -227,6 +227,14 @@ Answer Renumbered(const Answer& answer, const Labels& labels, const ExperimentRe
           answer.view < 0 ? -1 : IndexOf(result.views, labels.views[answer.view])};
 }
 
+// What the method called `name` chose in this split; null: there is none.
+const Selection* ChoiceOf(const std::string& name, const ExperimentResult& result) {
+  for (const MethodResult& method : result.methods) {
+    if (method.name == name) return &method.selections.back();
+  }
+  return nullptr;
+}
+
 using Predictors = std::vector<std::unique_ptr<Predictor>>;
 
 // Trains and asks every method; what they are then is returned.
@@ -242,8 +250,11 @@ Predictors RunSplit(const std::vector<std::unique_ptr<Method>>& methods, const S
     const Progress part = [&](int done, int of) {
       if (progress) progress(before + kTicks * done / (of + 1), total);
     };
+    const Selection* const known = ChoiceOf(methods[m]->chooses_as(), result);
     const Selection selection =
-        SelectParameters(*methods[m], training, options.folds, options.jobs, part);
+        known != nullptr
+            ? *known
+            : SelectParameters(*methods[m], training, options.folds, options.jobs, part);
     predictors.push_back(methods[m]->Train(training, selection.values));
     std::vector<Answer> answers;
     for (const Histogram& h : data.tests) {

@@ -14,11 +14,11 @@ namespace {
 
 // What a pass over the samples reads and adds to.
 struct LossPass {
-  const double* samples;  // [dim, count]
-  const double* labels;   // [count, tasks]
-  const double* shares;   // [tasks] 1 / n_t
-  const double* w;        // [dim, tasks]
-  const double* b;        // [tasks]
+  const float* samples;  // [dim, count]
+  const double* labels;  // [count, tasks]
+  const double* shares;  // [tasks] 1 / n_t
+  const double* w;       // [dim, tasks]
+  const double* b;       // [tasks]
   Eigen::Index dim;
   Eigen::Index count;
   Eigen::Index tasks;
@@ -31,6 +31,7 @@ struct LossPass {
 constexpr int kLanes = 8;
 // Side by side in as many registers as a path needs.
 using Lanes [[gnu::vector_size(kLanes * sizeof(double))]] = double;
+using FloatLanes [[gnu::vector_size(kLanes * sizeof(float))]] = float;
 
 // Four samples at a time, so that a task's weights and gradient are read once for all of them.
 constexpr int kBlock = 4;
@@ -71,7 +72,7 @@ struct LossKernel {
   template <int kCount>
   VIEWFIX_KERNEL void AddSamples(const LossPass& pass, Eigen::Index t,
                                  const Eigen::Index* samples) {
-    const double* x[kCount];
+    const float* x[kCount];
     for (int j = 0; j < kCount; ++j) x[j] = pass.samples + samples[j] * pass.dim;
     double scores[kCount];
     Dots<kCount>(x, pass.w + t * pass.dim, pass.dim, scores);
@@ -91,43 +92,43 @@ struct LossKernel {
 
   // sums[j] = x[j]'w: in lanes side by side, whose order is stated, the same on every path.
   template <int kCount>
-  VIEWFIX_KERNEL void Dots(const double* const (&x)[kCount], const double* w, Eigen::Index n,
+  VIEWFIX_KERNEL void Dots(const float* const (&x)[kCount], const double* w, Eigen::Index n,
                            double (&sums)[kCount]) {
     Lanes lanes[kCount] = {};
     Lanes weights;
-    Lanes values;
+    FloatLanes values;
     Eigen::Index i = 0;
     for (; i + kLanes <= n; i += kLanes) {
       std::memcpy(&weights, w + i, sizeof weights);
       for (int j = 0; j < kCount; ++j) {
         std::memcpy(&values, x[j] + i, sizeof values);
-        lanes[j] += values * weights;
+        lanes[j] += __builtin_convertvector(values, Lanes) * weights;
       }
     }
     for (int j = 0; j < kCount; ++j) {
       sums[j] = 0;
-      for (Eigen::Index k = i; k < n; ++k) sums[j] += x[j][k] * w[k];
+      for (Eigen::Index k = i; k < n; ++k) sums[j] += double{x[j][k]} * w[k];
       for (int l = 0; l < kLanes; ++l) sums[j] += lanes[j][l];
     }
   }
 
   // y += sum_j factors[j] x[j]
   template <int kCount>
-  VIEWFIX_KERNEL void AddScaled(const double (&factors)[kCount], const double* const (&x)[kCount],
+  VIEWFIX_KERNEL void AddScaled(const double (&factors)[kCount], const float* const (&x)[kCount],
                                 Eigen::Index n, double* y) {
     Lanes sum;
-    Lanes values;
+    FloatLanes values;
     Eigen::Index i = 0;
     for (; i + kLanes <= n; i += kLanes) {
       std::memcpy(&sum, y + i, sizeof sum);
       for (int j = 0; j < kCount; ++j) {
         std::memcpy(&values, x[j] + i, sizeof values);
-        sum += factors[j] * values;
+        sum += factors[j] * __builtin_convertvector(values, Lanes);
       }
       std::memcpy(y + i, &sum, sizeof sum);
     }
     for (; i < n; ++i) {
-      for (int j = 0; j < kCount; ++j) y[i] += factors[j] * x[j][i];
+      for (int j = 0; j < kCount; ++j) y[i] += factors[j] * double{x[j][i]};
     }
   }
 };

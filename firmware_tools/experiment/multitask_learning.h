@@ -10,7 +10,7 @@ namespace viewfix {
 // The samples of the T tasks of a linear model f_t(x) = w_t'x + b_t. Tasks share samples: one that
 // stands in each of them is read once for all.
 struct LearningTasks {
-  Eigen::MatrixXd samples;  // [D, N] one column each
+  Eigen::MatrixXf samples;  // [D, N] one column each
   Eigen::MatrixXd labels;   // [N, T] +1 or -1; 0: not a sample of this task
 };
 

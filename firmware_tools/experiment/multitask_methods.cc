@@ -30,16 +30,16 @@ LocationTasks MakeTasks(const TrainingData& data, const std::vector<int>& pairs,
   std::vector<Eigen::Index> column_of(data.used.size(), 0);
   LocationTasks made;
   const auto n = static_cast<Eigen::Index>(samples.size());
-  made.tasks.samples = Eigen::MatrixXd::Zero(data.num_words, n);
+  Eigen::MatrixXd histograms = Eigen::MatrixXd::Zero(data.num_words, n);
   for (Eigen::Index i = 0; i < n; ++i) {
     column_of[samples[i]] = i;
     const Histogram& h = data.histograms[samples[i]];
-    for (int e = 0; e < h.size(); ++e) made.tasks.samples(h.words[e], i) = double{h.values[e]};
+    for (int e = 0; e < h.size(); ++e) histograms(h.words[e], i) = double{h.values[e]};
   }
   // The bias, which no penalty touches, takes up the mean: the same problem, but histograms, whose
   // numbers are all positive, no longer point in one direction, and it converges sooner.
-  made.mean = made.tasks.samples.rowwise().mean();
-  made.tasks.samples.colwise() -= made.mean;
+  made.mean = histograms.rowwise().mean();
+  made.tasks.samples = (histograms.colwise() - made.mean).cast<float>();
   Eigen::MatrixXd labels = Eigen::MatrixXd::Zero(n, static_cast<Eigen::Index>(pairs.size()));
   for (const DualVariable& v : variables) labels(column_of[v.sample_idx], v.task) = v.label;
   std::vector<Eigen::Index> kept;

@@ -45,6 +45,7 @@ class ClusteredLearning : public MultitaskRival {
 class StructureLearning : public MultitaskRival {
  public:
   std::string name() const override { return "mtl_caso"; }
+  std::string chooses_as() const override { return ClusteredLearning().name(); }
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // rho, eta, h

@@ -19,14 +19,14 @@ constexpr int kTasks = 3;
 LearningTasks MakeTasks(int count = kTasks) {
   std::mt19937 random(11);
   const auto uniform = [&] { return static_cast<double>(random()) * 0x1p-31 - 1; };
-  LearningTasks tasks = {Eigen::MatrixXd(kDim, 40 * count),
+  LearningTasks tasks = {Eigen::MatrixXf(kDim, 40 * count),
                          Eigen::MatrixXd::Zero(40 * count, count)};
   for (int i = 0; i < 40 * count; ++i) {
     const int t = i / 40;
     tasks.labels(i, t) = i % 4 == 0 ? 1 : -1;
     for (int d = 0; d < kDim; ++d) {
       const double shift = i % 4 == 0 ? (d < 3 ? 0.5 : 0) + (d == 3 + t ? 0.5 : 0) : 0;
-      tasks.samples(d, i) = uniform() + shift;
+      tasks.samples(d, i) = static_cast<float>(uniform() + shift);
     }
   }
   return tasks;
@@ -71,8 +71,9 @@ TEST(LogisticLoss, IsTheSumOfEachTasksMean) {
   constexpr int kSamples = 1031;
   std::mt19937 random(13);
   const auto uniform = [&] { return static_cast<double>(random()) * 0x1p-31 - 1; };
-  LearningTasks tasks = {Eigen::MatrixXd(kDim, kSamples), Eigen::MatrixXd::Zero(kSamples, 2)};
-  for (Eigen::Index i = 0; i < tasks.samples.size(); ++i) tasks.samples.data()[i] = uniform();
+  LearningTasks tasks = {Eigen::MatrixXf(kDim, kSamples), Eigen::MatrixXd::Zero(kSamples, 2)};
+  for (Eigen::Index i = 0; i < tasks.samples.size(); ++i)
+    tasks.samples.data()[i] = static_cast<float>(uniform());
   for (int i = 0; i < kSamples; ++i) {
     if (i % 3 != 0) tasks.labels(i, 0) = i % 5 == 0 ? 1 : -1;
     if (i % 7 < 4 || i < 600) tasks.labels(i, 1) = i % 2 == 0 ? 1 : -1;
@@ -84,7 +85,8 @@ TEST(LogisticLoss, IsTheSumOfEachTasksMean) {
   for (int t = 0; t < 2; ++t) {
     double sum = 0;
     for (int i = 0; i < kSamples; ++i) {
-      const double margin = tasks.labels(i, t) * (tasks.samples.col(i).dot(w.col(t)) + b[t]);
+      const double margin =
+          tasks.labels(i, t) * (tasks.samples.col(i).cast<double>().dot(w.col(t)) + b[t]);
       if (tasks.labels(i, t) != 0) {
         sum += std::max(0.0, -margin) + std::log1p(std::exp(-std::abs(margin)));
       }
