@@ -35,6 +35,15 @@ fetch() {
   rm -rf "$work"
 }
 
+# has_all FOLDER FILE...
+has_all() {
+  local folder=$1 file
+  shift
+  for file in "$@"; do
+    [[ -f $folder/$file ]] || return 1
+  done
+}
+
 main() {
   local name version sha512 files
   case ${1:-} in
@@ -45,7 +54,7 @@ main() {
   while read -r name version sha512 files; do
     [[ -n $name && $name != '#'* ]] || continue
     # shellcheck disable=SC2086  # a list of files
-    [[ -d $WEB/$name-$version ]] || fetch "$name" "$version" "$sha512" $files
+    has_all "$WEB/$name-$version" $files || fetch "$name" "$version" "$sha512" $files
   done < "$ROOT/toolchains/web_libraries.txt"
 }
 

@@ -227,6 +227,14 @@ Answer Renumbered(const Answer& answer, const Labels& labels, const ExperimentRe
           answer.view < 0 ? -1 : IndexOf(result.views, labels.views[answer.view])};
 }
 
+// What the method called `name` chose in this split; null: there is none.
+const Selection* ChoiceOf(const std::string& name, const ExperimentResult& result) {
+  for (const MethodResult& method : result.methods) {
+    if (method.name == name) return &method.selections.back();
+  }
+  return nullptr;
+}
+
 using Predictors = std::vector<std::unique_ptr<Predictor>>;
 
 // Trains and asks every method; what they are then is returned.
@@ -242,8 +250,11 @@ Predictors RunSplit(const std::vector<std::unique_ptr<Method>>& methods, const S
     const Progress part = [&](int done, int of) {
       if (progress) progress(before + kTicks * done / (of + 1), total);
     };
+    const Selection* const known = ChoiceOf(methods[m]->chooses_as(), result);
     const Selection selection =
-        SelectParameters(*methods[m], training, options.folds, options.jobs, part);
+        known != nullptr
+            ? *known
+            : SelectParameters(*methods[m], training, options.folds, options.jobs, part);
     predictors.push_back(methods[m]->Train(training, selection.values));
     std::vector<Answer> answers;
     for (const Histogram& h : data.tests) {
@@ -296,17 +307,19 @@ std::unique_ptr<Predictor> LibsvmItself(const SplitData& data, const ExperimentR
   return nullptr;
 }
 
-void MeasureTimes(Predictors predictors, const SplitData& data, ExperimentResult& result) {
+// Of the last split.
+void MeasureCosts(Predictors predictors, const SplitData& data, ExperimentResult& result) {
   const std::vector<Histogram>& tests = data.tests;
   predictors.push_back(LibsvmItself(data, result));
-  const std::vector<double> times = MeasurePredictionTimes(predictors, tests);
-  for (std::size_t m = 0; m < result.methods.size(); ++m) {
-    MethodResult& method = result.methods[m];
-    method.ms_per_prediction = times[m];
-    for (const Histogram& h : tests) method.multiply_adds += predictors[m]->MultiplyAdds(h);
-    method.multiply_adds /= static_cast<double>(std::max<std::size_t>(1, tests.size()));
-  }
-  result.libsvm_ms_per_prediction = times.back();
+  const std::vector<PredictionTime> times = MeasurePredictionTimes(predictors, tests);
+  const auto cost_of = [&](std::size_t p) {
+    PredictionCost cost = {times[p]};
+    for (const Histogram& h : tests) cost.multiply_adds += predictors[p]->MultiplyAdds(h);
+    cost.multiply_adds /= static_cast<double>(std::max<std::size_t>(1, tests.size()));
+    return cost;
+  };
+  for (std::size_t m = 0; m < result.methods.size(); ++m) result.methods[m].cost = cost_of(m);
+  result.libsvm_cost = cost_of(result.methods.size());
 }
 
 void CheckLocations(const Samples& samples, const ExperimentResult& result) {
@@ -355,7 +368,7 @@ ExperimentResult RunExperiment(const ImageSet& set, const ExperimentOptions& opt
     result.truths.push_back(data.truths);
     Predictors predictors = RunSplit(methods, data, options, progress, result);
     if (i == 0) result.scores = MakeScoreTable(*predictors.front(), data, result);
-    if (i + 1 == splits.size()) MeasureTimes(std::move(predictors), data, result);
+    if (i + 1 == splits.size()) MeasureCosts(std::move(predictors), data, result);
   }
   return result;
 }

@@ -8,6 +8,7 @@
 #include "engine/features/feature_extractor.h"
 #include "firmware_tools/dataset/image_set.h"
 #include "firmware_tools/experiment/method.h"
+#include "firmware_tools/experiment/prediction_time.h"
 #include "firmware_tools/experiment/selection.h"
 #include "firmware_tools/experiment/splits.h"
 #include "firmware_tools/training/labels.h"
@@ -36,6 +37,12 @@ struct Truth {
   int view = -1;      // into ExperimentResult::views
 };
 
+// Of one prediction, from a histogram in memory, on one thread.
+struct PredictionCost {
+  PredictionTime time;       // beside the first method's
+  double multiply_adds = 0;  // mean over the test images
+};
+
 struct MethodResult {
   std::string name;
   bool tells_views = false;
@@ -43,8 +50,7 @@ struct MethodResult {
   std::vector<std::string> parameter_names;  // of Selection::values
   std::vector<Selection> selections;         // [splits]
   std::vector<std::vector<Answer>> answers;  // [splits][tests]; into locations and views
-  double ms_per_prediction = 0;              // one thread, from a histogram in memory
-  double multiply_adds = 0;                  // of one prediction, mean
+  PredictionCost cost;
 };
 
 // Correlation scores of one location's test images, eq. (5) by our method (Fig. 4a of the paper).
@@ -72,7 +78,7 @@ struct ExperimentResult {
   std::vector<MethodResult> methods;
   ScoreTable scores;  // of the first split
   // svm_one_vs_rest as libsvm itself predicts, by a sum over support vectors.
-  double libsvm_ms_per_prediction = 0;
+  PredictionCost libsvm_cost;
   std::vector<std::string> warnings;
 };
 

@@ -59,6 +59,9 @@ class Method {
   virtual bool tells_views() const = 0;
   // Chosen one after another, in this order.
   virtual std::vector<Parameter> parameters() const = 0;
+  // An earlier method that minimizes the same function of the same parameters, so that its choice
+  // is this one's too; empty: none.
+  virtual std::string chooses_as() const { return {}; }
   //   values   one for each of parameters(), same order
   virtual std::unique_ptr<Predictor> Train(const TrainingData& data,
                                            std::span<const double> values) const = 0;

@@ -20,7 +20,7 @@ class MultitaskRival : public Method {
  protected:
   virtual std::vector<Parameter> OwnParameters() const = 0;
   //   values   of OwnParameters()
-  virtual MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
+  virtual MultitaskWeights Solve(const LearningTasks& tasks,
                                  std::span<const double> values) const = 0;
 };
 
@@ -30,8 +30,7 @@ class SparseTrace : public MultitaskRival {
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // gamma, tau
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 class ClusteredLearning : public MultitaskRival {
@@ -40,18 +39,17 @@ class ClusteredLearning : public MultitaskRival {
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // rho, eta, k
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 class StructureLearning : public MultitaskRival {
  public:
   std::string name() const override { return "mtl_caso"; }
+  std::string chooses_as() const override { return ClusteredLearning().name(); }
 
  protected:
   std::vector<Parameter> OwnParameters() const override;  // rho, eta, h
-  MultitaskWeights Solve(const std::vector<LearningTask>& tasks,
-                         std::span<const double> values) const override;
+  MultitaskWeights Solve(const LearningTasks& tasks, std::span<const double> values) const override;
 };
 
 }  // namespace viewfix

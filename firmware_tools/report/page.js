@@ -40,6 +40,23 @@ function plot(section, name, make, tall) {
   }};
   charts.push(entry);
 }
+// A plugin that draws intervals over the bars: of(dataset, index) is [low, high], or nothing.
+const whiskers = of => ({afterDatasetsDraw(chart) {
+  const {ctx} = chart;
+  ctx.save();
+  ctx.strokeStyle = colour('text');
+  ctx.beginPath();
+  chart.data.datasets.forEach((dataset, d) => chart.getDatasetMeta(d).data.forEach((bar, i) => {
+    const pair = chart.isDatasetVisible(d) && of(d, i);
+    if (!Array.isArray(pair)) return;
+    const scale = bar.horizontal ? chart.scales.x : chart.scales.y;
+    const [low, high] = pair.map(value => scale.getPixelForValue(value));
+    ctx.moveTo(...(bar.horizontal ? [low, bar.y] : [bar.x, low]));
+    ctx.lineTo(...(bar.horizontal ? [high, bar.y] : [bar.x, high]));
+  }));
+  ctx.stroke();
+  ctx.restore();
+}});
 const drawAll = () => charts.forEach(entry => entry.draw());
 const axis = (text, options) => ({title: {display: true, text}, ...options});
 const share = text => axis(text, {min: 0, max: 1, ticks: {callback: value => Math.round(100 * value) + ' %'}});

@@ -5,13 +5,17 @@
 
 namespace viewfix {
 
-Localizer MakeModelLocalizer(const ModelView& model, const LocalizerOptions& options) {
+FeatureOptions FeatureOptionsOf(const ModelView& model) {
   const ModelFeatures& f = model.features();
-  auto extractor = MakeExtractor({.type = static_cast<FeatureType>(f.type),
-                                  .max_image_side = f.max_image_side,
-                                  .max_features = f.max_features,
-                                  .upright = f.upright,
-                                  .threshold = f.threshold});
+  return {.type = static_cast<FeatureType>(f.type),
+          .max_image_side = f.max_image_side,
+          .max_features = f.max_features,
+          .upright = f.upright,
+          .threshold = f.threshold};
+}
+
+Localizer MakeModelLocalizer(const ModelView& model, const LocalizerOptions& options) {
+  auto extractor = MakeExtractor(FeatureOptionsOf(model));
   auto localizer = Localizer::Create(model, options, std::move(extractor));
   if (!localizer.ok()) throw ToolError(localizer.status().text());
   return std::move(*localizer);

@@ -30,9 +30,14 @@ class ExperimentCommandTest : public ::testing::Test {
   // The figures without times.
   nlohmann::json Timeless() const {
     nlohmann::json figures = Figures();
-    figures.erase("libsvm_ms_per_prediction");
-    for (auto& method : figures["methods"]) method.erase("ms_per_prediction");
+    WithoutTimes(figures["libsvm_itself"]);
+    for (auto& method : figures["methods"]) WithoutTimes(method);
     return figures;
+  }
+  static void WithoutTimes(nlohmann::json& cost) {
+    for (const char* name : {"ms_per_prediction", "ms_ci95", "times_ours", "times_ours_ci95"}) {
+      ASSERT_EQ(cost.erase(name), 1U) << name;
+    }
   }
 
   TempFolder folder_;
@@ -55,11 +60,16 @@ TEST_F(ExperimentCommandTest, MeasuresEveryMethod) {
     EXPECT_LE(location["ci95"][0], location["mean"]) << name;
     EXPECT_GE(location["ci95"][1], location["mean"]) << name;
     EXPECT_GT(methods[name]["ms_per_prediction"], 0) << name;
+    EXPECT_LE(methods[name]["ms_ci95"][0], methods[name]["ms_per_prediction"]) << name;
+    EXPECT_GE(methods[name]["ms_ci95"][1], methods[name]["ms_per_prediction"]) << name;
   }
   EXPECT_GE(methods["multitask_svm"]["location"]["mean"], 0.8);
   EXPECT_TRUE(methods["svm_view_left"]["view"].is_null());
   EXPECT_TRUE(methods["svm_view_left"].contains("location_of_own_view"));
+  EXPECT_GT(methods["nearest_neighbour"]["multiply_adds_times_ours"], 1);
+  EXPECT_EQ(methods["multitask_svm"]["times_ours"], 1);
   EXPECT_EQ(figures["scores"]["rows"].size(), 2U);
+  EXPECT_LE(figures["scores"]["right_cell_highest"], 2);
   EXPECT_EQ(figures["scores"]["columns"].size(), 6U);
 }
 

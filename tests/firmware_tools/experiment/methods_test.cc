@@ -208,8 +208,34 @@ TEST(MeasurePredictionTimes, GivesOneForEach) {
   predictors.push_back(NearestNeighbour().Train(site.Data(), {}));
   const auto times = MeasurePredictionTimes(predictors, site.histograms);
   ASSERT_EQ(times.size(), 2U);
-  for (const double ms : times) EXPECT_GT(ms, 0);
-  EXPECT_EQ(MeasurePredictionTimes(predictors, {}), (std::vector<double>{0, 0}));
+  for (const PredictionTime& time : times) {
+    EXPECT_GT(time.ms, 0);
+    EXPECT_LE(time.ms_ci95.low, time.ms);
+    EXPECT_GE(time.ms_ci95.high, time.ms);
+  }
+  EXPECT_EQ(times[0].times_first, 1);
+  EXPECT_EQ(times[0].times_first_ci95.high, 1);
+  EXPECT_EQ(MeasurePredictionTimes(predictors, {})[1].ms, 0);
+}
+
+TEST(SummarizeRounds, WhatSlowsBothLeavesTheirRatio) {
+  const std::vector<double> first = {1, 1.25, 2, 1, 8, 1.5, 1};
+  std::vector<double> ms;
+  for (const double m : first) ms.push_back(3 * m);
+  const PredictionTime time = SummarizeRounds(ms, first);
+  EXPECT_EQ(time.ms, 3.75);
+  EXPECT_LT(time.ms_ci95.low, 3.75);
+  EXPECT_GT(time.ms_ci95.high, 3.75);
+  EXPECT_EQ(time.times_first, 3);
+  EXPECT_EQ(time.times_first_ci95.low, 3);
+  EXPECT_EQ(time.times_first_ci95.high, 3);
+}
+
+TEST(SummarizeRounds, RoundsThatAgreeHaveNoWidth) {
+  const PredictionTime time = SummarizeRounds(std::vector<double>(9, 2.0), std::vector(9, 4.0));
+  EXPECT_EQ(time.ms_ci95.low, 2);
+  EXPECT_EQ(time.ms_ci95.high, 2);
+  EXPECT_EQ(time.times_first, 0.5);
 }
 
 }  // namespace

@@ -16,20 +16,18 @@ constexpr int kDim = 12;
 constexpr int kTasks = 3;
 
 // Three tasks of 40 samples, a quarter of them positive, that overlap.
-std::vector<LearningTask> MakeTasks(int count = kTasks) {
+LearningTasks MakeTasks(int count = kTasks) {
   std::mt19937 random(11);
   const auto uniform = [&] { return static_cast<double>(random()) * 0x1p-31 - 1; };
-  std::vector<LearningTask> tasks;
-  for (int t = 0; t < count; ++t) {
-    LearningTask task = {Eigen::MatrixXd(kDim, 40), Eigen::VectorXd(40)};
-    for (int i = 0; i < 40; ++i) {
-      task.labels[i] = i % 4 == 0 ? 1 : -1;
-      for (int d = 0; d < kDim; ++d) {
-        const double shift = i % 4 == 0 ? (d < 3 ? 0.5 : 0) + (d == 3 + t ? 0.5 : 0) : 0;
-        task.samples(d, i) = uniform() + shift;
-      }
+  LearningTasks tasks = {Eigen::MatrixXf(kDim, 40 * count),
+                         Eigen::MatrixXd::Zero(40 * count, count)};
+  for (int i = 0; i < 40 * count; ++i) {
+    const int t = i / 40;
+    tasks.labels(i, t) = i % 4 == 0 ? 1 : -1;
+    for (int d = 0; d < kDim; ++d) {
+      const double shift = i % 4 == 0 ? (d < 3 ? 0.5 : 0) + (d == 3 + t ? 0.5 : 0) : 0;
+      tasks.samples(d, i) = static_cast<float>(uniform() + shift);
     }
-    tasks.push_back(task);
   }
   return tasks;
 }
@@ -39,7 +37,7 @@ struct Gradient {
   Eigen::RowVectorXd b;
 };
 
-Gradient LossGradient(const std::vector<LearningTask>& tasks, const MultitaskWeights& weights) {
+Gradient LossGradient(const LearningTasks& tasks, const MultitaskWeights& weights) {
   Gradient gradient;
   LogisticLoss(tasks, weights.w, weights.b, &gradient.w, &gradient.b);
   return gradient;
@@ -66,6 +64,36 @@ TEST(LogisticLoss, GradientIsNumeric) {
     EXPECT_NEAR(gradient.w.data()[i], (more - loss()) / 2e-6, 1e-8);
     x += 1e-6;
   }
+}
+
+// Samples in several tasks or none, more than one run of them, margins beyond what exp() can hold.
+TEST(LogisticLoss, IsTheSumOfEachTasksMean) {
+  constexpr int kSamples = 1031;
+  std::mt19937 random(13);
+  const auto uniform = [&] { return static_cast<double>(random()) * 0x1p-31 - 1; };
+  LearningTasks tasks = {Eigen::MatrixXf(kDim, kSamples), Eigen::MatrixXd::Zero(kSamples, 2)};
+  for (Eigen::Index i = 0; i < tasks.samples.size(); ++i)
+    tasks.samples.data()[i] = static_cast<float>(uniform());
+  for (int i = 0; i < kSamples; ++i) {
+    if (i % 3 != 0) tasks.labels(i, 0) = i % 5 == 0 ? 1 : -1;
+    if (i % 7 < 4 || i < 600) tasks.labels(i, 1) = i % 2 == 0 ? 1 : -1;
+  }
+  Eigen::MatrixXd w(kDim, 2);
+  for (int d = 0; d < kDim; ++d) w.row(d) << uniform(), 1000 * uniform();
+  const Eigen::RowVector2d b(0.3, -0.1);
+  double expected = 0;
+  for (int t = 0; t < 2; ++t) {
+    double sum = 0;
+    for (int i = 0; i < kSamples; ++i) {
+      const double margin =
+          tasks.labels(i, t) * (tasks.samples.col(i).cast<double>().dot(w.col(t)) + b[t]);
+      if (tasks.labels(i, t) != 0) {
+        sum += std::max(0.0, -margin) + std::log1p(std::exp(-std::abs(margin)));
+      }
+    }
+    expected += sum / tasks.labels.col(t).cwiseAbs().sum();
+  }
+  EXPECT_NEAR(LogisticLoss(tasks, w, b, nullptr, nullptr), expected, 1e-10 * expected);
 }
 
 // The gap of a convex problem is at most <gradient, x - x*> over both blocks, whose worst x* are

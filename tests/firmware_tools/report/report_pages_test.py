@@ -116,6 +116,10 @@ class PagesTest(unittest.TestCase):
         self.assertGreater(len(failures), 0, 'the set was to have failures')
         self.assertEqual(page.evaluate("document.querySelectorAll('.failure').length"),
                          min(12, len(failures)))
+        self.assertEqual(page.evaluate("document.querySelectorAll('.failure .sides svg').length"),
+                         2 * min(12, len(failures)))
+        self.assertGreater(page.evaluate("document.querySelectorAll('.failure svg line').length"),
+                           20, 'look-alike windows match')
         self.assertEqual(page.faults, [])
 
     def test_a_phone_in_the_dark(self):
