@@ -76,7 +76,9 @@ Status CheckHeader(std::span<const std::uint8_t> bytes) {
   if (version > kModelFormatVersion) {
     return {StatusCode::kUnsupported, "model format is newer than this program; update it"};
   }
-  if (version != kModelFormatVersion) return Corrupt("model format version is unknown");
+  if (version != kModelFormatVersion) {
+    return {StatusCode::kUnsupported, "model format is older than this program; train it again"};
+  }
   if (ReadLittleEndian<std::uint32_t>(&bytes[12]) != kModelHeaderBytes) {
     return Corrupt("model header length is wrong");
   }

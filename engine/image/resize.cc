@@ -28,8 +28,7 @@ struct SquaresKernel {
 };
 
 template <int kSide>
-void AverageSquares(const ImageView& image, ImageSize target, std::uint8_t* pixels) {
-  const CpuPath path = BestCpuPath();
+void AverageSquares(CpuPath path, const ImageView& image, ImageSize target, std::uint8_t* pixels) {
   for (int y = 0; y < target.height; ++y) {
     RunOnPath<SquaresKernel<kSide>>(path, image.Row(y * kSide), image.row_bytes, target.width,
                                     pixels + std::size_t(y) * std::size_t(target.width));
@@ -51,8 +50,9 @@ ImageSize ShrunkSize(int width, int height, int max_side) {
   return {shrink(width), shrink(height)};
 }
 
-Shrinker::Shrinker(int max_side)
+Shrinker::Shrinker(int max_side, CpuPath path)
     : max_side_(max_side),
+      path_(path),
       column_sums_(kMaxImageSide),
       pixels_(std::size_t(max_side) * std::size_t(max_side)) {}
 
@@ -90,9 +90,9 @@ ImageView Shrinker::ShrinkToSide(const ImageView& image) {
     return target.width * side == image.width && target.height * side == image.height;
   };
   if (is_times(2)) {
-    AverageSquares<2>(image, target, pixels_.data());
+    AverageSquares<2>(path_, image, target, pixels_.data());
   } else if (is_times(3)) {
-    AverageSquares<3>(image, target, pixels_.data());
+    AverageSquares<3>(path_, image, target, pixels_.data());
   } else {
     AverageAreas(image, target);
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "engine/base/cpu_path.h"
 #include "engine/image/image_view.h"
 
 namespace viewfix {
@@ -29,7 +30,7 @@ ImageSize ShrunkSize(int width, int height, int max_side);
 class Shrinker {
  public:
   // max_side in 1..kMaxImageSide.
-  explicit Shrinker(int max_side);
+  explicit Shrinker(int max_side, CpuPath path = BestCpuPath());
 
   // The shrunk image, living until the next call, or `image` itself where it is
   // small enough. Both sides of `image` in 1..kMaxImageSide.
@@ -43,6 +44,7 @@ class Shrinker {
   void AverageColumns(const ImageView& image, ImageSize target, std::uint8_t* row) const;
 
   int max_side_;
+  CpuPath path_;
   std::vector<std::uint32_t> column_sums_;  // of one target row, at the source's width
   std::vector<std::uint8_t> pixels_;
 };

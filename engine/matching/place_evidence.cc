@@ -245,6 +245,7 @@ void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, in
 void PlaceEvidence::CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden) {
   constexpr std::uint32_t kTogether = kBlocksTogether * kScanBlock;
   const std::uint32_t begin = list[0], end = list[1];
+  if (begin == end) return;
   std::array<std::uint32_t, kBlocksTogether> found;
   for (std::uint32_t first = begin / kScanBlock * kScanBlock; first < end; first += kTogether) {
     const std::uint32_t size = std::min(end - first, kTogether);

@@ -40,12 +40,13 @@ void Retrieval::SetQuery(const Histogram& query) {
 struct Retrieval::Walk {
   const std::uint8_t* entry;
   const std::uint8_t* end;
-  const float* value;  // the query's, of the word before `entry`
+  const float* query;
+  int word = -1;  // before `entry`
   float dot = 0.0F;
 
   void Step(const std::array<float, kMaxKeyframeCount + 1>& mapped_count) {
-    value += StepOf(*entry);
-    dot += *value * mapped_count[CountOf(*entry)];
+    word += StepOf(*entry);
+    dot += query[word] * mapped_count[CountOf(*entry)];
     ++entry;
   }
 };
@@ -56,7 +57,7 @@ void Retrieval::Similarities(std::span<float> similarities) const {
   const auto walk_of = [&](int k) {
     const std::uint8_t* const words = keyframes_.words.data();
     return Walk{words + keyframes_.word_begin[k], words + keyframes_.word_begin[k + 1],
-                query_.data() - 1};
+                query_.data()};
   };
   const auto finish = [&](int k, Walk& walk) {
     while (walk.entry != walk.end) walk.Step(mapped_count_);

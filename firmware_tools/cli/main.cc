@@ -18,8 +18,13 @@ namespace {
 
 // Does not return where it succeeds.
 int BecomeTools(char** argv) {
-  std::error_code unknown;
-  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", unknown);
+  std::error_code error;
+  const std::filesystem::path self = std::filesystem::read_symlink("/proc/self/exe", error);
+  if (error) {
+    std::fprintf(stderr, "viewfix: cannot find viewfix-tools: /proc/self/exe: %s\n",
+                 error.message().c_str());
+    return 1;
+  }
   const std::string tools = self.parent_path() / "viewfix-tools";
   ::execv(tools.c_str(), argv);
   std::fprintf(stderr, "viewfix: cannot run %s: %s\n", tools.c_str(), std::strerror(errno));

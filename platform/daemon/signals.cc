@@ -47,7 +47,7 @@ void Signals::Listen() {
     if (waiting[0].revents != 0) return;
     Read();
   }
-  if (::poll(waiting, 1, kEndMs) == 0) std::_Exit(0);
+  if (::poll(waiting, 1, kEndMs) != 1) std::_Exit(0);  // whoever waits longer has failed nothing
 }
 
 void Signals::Read() {

@@ -8,10 +8,12 @@
 // frame are what a repetition more adds.
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <opencv2/imgcodecs.hpp>
+#include <string_view>
 #include <vector>
 
 #include "engine/features/surf.h"
@@ -20,6 +22,7 @@
 #include "engine/matching/place_evidence.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
+#include "firmware_tools/training/model_localizer.h"
 #include "models/model_view.h"
 #include "platform/file.h"
 
@@ -33,8 +36,8 @@ class Frame {
   Frame(const ModelView& model, CpuPath path)
       : model_(model),
         path_(path),
-        shrink_(model.features().max_image_side),
-        surf_(OptionsOf(model.features()), path),
+        shrink_(model.features().max_image_side, path),
+        surf_(FeatureOptionsOf(model), path),
         features_(model.features().max_features, kSurfDim),
         vocabulary_(model.vocabulary().words, model.vocabulary().dim, path),
         words_(std::size_t(model.features().max_features) * model.vocabulary().words_per_feature),
@@ -80,14 +83,6 @@ class Frame {
   }
 
  private:
-  static FeatureOptions OptionsOf(const ModelFeatures& f) {
-    return {.type = FeatureType::kSurf,
-            .max_image_side = f.max_image_side,
-            .max_features = f.max_features,
-            .upright = f.upright,
-            .threshold = f.threshold};
-  }
-
   const ModelView& model_;
   CpuPath path_;
   Shrinker shrink_;
@@ -103,6 +98,13 @@ class Frame {
   PlaceEvidence places_;
 };
 
+// -1: it is none.
+int NumberOf(std::string_view text) {
+  int number = -1;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc() && end == text.data() + text.size() ? number : -1;
+}
+
 int Main(int argc, char** argv) {
   if (argc < 3) {
     std::fprintf(stderr, "usage: frame_path MODEL IMAGE [PATH [REPEAT]]\n");
@@ -110,21 +112,31 @@ int Main(int argc, char** argv) {
   }
   const auto bytes = ReadFile(argv[1]);
   if (!bytes.ok()) {
-    std::fprintf(stderr, "%s: no file\n", argv[1]);
+    std::fprintf(stderr, "%s: %s\n", argv[1], bytes.status().text());
     return 1;
   }
   const auto model = ModelView::Open(*bytes);
   const cv::Mat image = cv::imread(argv[2], cv::IMREAD_GRAYSCALE);
-  const int path = argc > 3 ? std::atoi(argv[3]) : static_cast<int>(BestCpuPath());
-  const bool known = path >= 0 && path <= static_cast<int>(BestCpuPath());
-  if (!model.ok() || !model->has_details() || image.empty() || !known) {
-    std::fprintf(stderr, "a model with details, an image and a path of this processor\n");
+  if (!model.ok() || !model->has_details()) {
+    std::fprintf(stderr, "%s: %s\n", argv[1],
+                 model.ok() ? "a model without details" : model.status().text());
     return 1;
+  }
+  if (image.empty()) {
+    std::fprintf(stderr, "%s: no image\n", argv[2]);
+    return 1;
+  }
+  const int best = static_cast<int>(BestCpuPath());
+  const int path = argc > 3 ? NumberOf(argv[3]) : best;
+  const int repeat = argc > 4 ? NumberOf(argv[4]) : 1;
+  if (path < 0 || path > best || repeat < 1) {
+    std::fprintf(stderr, "PATH is 0..%d here, REPEAT at least 1\n", best);
+    return 2;
   }
   Frame frame(*model, static_cast<CpuPath>(path));
   std::array<double, kStages.size()> least;
   least.fill(1e9);
-  for (int i = argc > 4 ? std::atoi(argv[4]) : 1; i > 0; --i) {
+  for (int i = 0; i < repeat; ++i) {
     frame.Run({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)}, least);
   }
   for (std::size_t s = 0; s < kStages.size(); ++s) std::printf("%s %.2f\n", kStages[s], least[s]);

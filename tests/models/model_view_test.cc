@@ -283,6 +283,15 @@ TEST(ModelView, NewerFormatSaysSo) {
   EXPECT_THAT(status.text(), HasSubstr("newer"));
 }
 
+TEST(ModelView, OlderFormatSaysSo) {
+  Bytes file = TinyModel();
+  file[8] = kModelFormatVersion - 1;
+  Rehash(file);
+  const Status status = ModelView::Open(file).status();
+  EXPECT_EQ(status.code(), StatusCode::kUnsupported);
+  EXPECT_THAT(status.text(), HasSubstr("train it again"));
+}
+
 TEST(ModelView, UnalignedBytesAreRefused) {
   const Bytes file = TinyModel();
   Bytes shifted(file.size() + 1);

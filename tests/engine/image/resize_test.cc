@@ -73,18 +73,20 @@ TEST(Shrinker, HalvesExactlyWithHalvesRoundedUp) {
 TEST(Shrinker, AveragesSquaresOfWholePixels) {
   for (const int side : {1, 2, 3, 4}) {
     const TestImage image = NoiseImage(35 * side, 21 * side, 4, 5);
-    Shrinker shrinker(35);
-    const ImageView small = shrinker.ShrinkToSide(image.View());
-    ASSERT_EQ(small.width, 35);
-    ASSERT_EQ(small.height, 21);
-    for (int y = 0; y < small.height; ++y) {
-      for (int x = 0; x < small.width; ++x) {
-        int sum = 0;
-        for (int i = 0; i < side * side; ++i) {
-          sum += image.At(x * side + i % side, y * side + i / side);
+    for (const CpuPath path : CpuPathsHere()) {
+      Shrinker shrinker(35, path);
+      const ImageView small = shrinker.ShrinkToSide(image.View());
+      ASSERT_EQ(small.width, 35);
+      ASSERT_EQ(small.height, 21);
+      for (int y = 0; y < small.height; ++y) {
+        for (int x = 0; x < small.width; ++x) {
+          int sum = 0;
+          for (int i = 0; i < side * side; ++i) {
+            sum += image.At(x * side + i % side, y * side + i / side);
+          }
+          const int area = side * side;
+          ASSERT_EQ(small.Row(y)[x], (2 * sum + area) / (2 * area)) << side << " " << x << " " << y;
         }
-        const int area = side * side;
-        ASSERT_EQ(small.Row(y)[x], (2 * sum + area) / (2 * area)) << side << " " << x << " " << y;
       }
     }
   }
