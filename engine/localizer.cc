@@ -200,7 +200,6 @@ struct Localizer::State {
   void FindPose(const Prior& prior, Fix& fix);
   float PoseConfidenceOf(const FoundPose& found) const;
   bool Believed(const FoundPose& found) const;
-  bool MeetsFixedLimits(const FoundPose& found) const;
   void TakePose(const FoundPose& found, Fix& fix) const;
   void GuessPlace(const FoundPose& found, Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
@@ -391,12 +390,6 @@ bool Localizer::State::Believed(const FoundPose& found) const {
   return PoseConfidenceOf(found) >= model.pose_confidence()->threshold;
 }
 
-// What a curve is not asked about, the fixed limits judge: poses with rivals.
-bool Localizer::State::MeetsFixedLimits(const FoundPose& found) const {
-  return found.evidence >= options.pose.min_evidence &&
-         found.evidence >= options.pose.min_evidence_share * found.expected;
-}
-
 void Localizer::State::TakePose(const FoundPose& found, Fix& fix) const {
   fix.localized = true;
   fix.level = 0;
@@ -476,7 +469,7 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
-  if (found.found && (doubtful ? MeetsFixedLimits(found) : Believed(found))) {
+  if (found.found && (doubtful || Believed(found))) {
     TakePose(found, fix);
     fix.reasons = 0;
     fix.score = pair_scores[fix.pair_idx];

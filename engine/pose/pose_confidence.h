@@ -21,11 +21,6 @@ inline PoseCues PoseCuesOf(int num_inliers, float evidence, float expected, floa
           expected > 0 ? std::min(1.0F, evidence / expected) : 1.0F, spread};
 }
 
-// What a pose needs before a curve is asked at all: evidence, and its share of what is expected.
-// Where there is no curve, PoseFinderOptions ask for more.
-constexpr float kLeastEvidence = 3;
-constexpr float kLeastEvidenceShare = 0.08F;
-
 // p = 1 / (1 + exp(-(offset + weights . cues))), the probability that the pose is right as frames
 // held out of the training say.
 inline float PoseConfidence(const ModelPoseConfidence& curve, const PoseCues& cues) {

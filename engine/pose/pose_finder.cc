@@ -11,7 +11,6 @@
 #include "engine/matching/feature_grid.h"
 #include "engine/pose/absolute_pose.h"
 #include "engine/pose/model_geometry.h"
-#include "engine/pose/pose_confidence.h"
 
 namespace viewfix {
 namespace {
@@ -494,11 +493,8 @@ FoundPose PoseFinder::State::Grow(const FeatureSet& features, Camera camera, boo
 }
 
 bool PoseFinder::State::Convincing(const FoundPose& found, int min_inliers) const {
-  const bool has_curve = model.pose_confidence().has_value();
-  const float least = has_curve ? kLeastEvidence : options.min_evidence;
-  const float share = has_curve ? kLeastEvidenceShare : options.min_evidence_share;
-  return found.num_inliers >= min_inliers && found.evidence >= least &&
-         found.evidence >= share * found.expected;
+  return found.num_inliers >= min_inliers && found.evidence >= options.min_evidence &&
+         found.evidence >= options.min_evidence_share * found.expected;
 }
 
 // The pose that more speaks for; the other is its rival if it stands elsewhere.

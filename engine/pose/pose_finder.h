@@ -26,9 +26,7 @@ struct PoseFinderOptions {
   float rival_promise = 1.0F;
   // Matches that must agree on a pose, >= 4.
   int min_inliers = 15;
-  // How much they must say, each weighed by its landmark's rarity, > 0. A model with a curve of
-  // confidence needs no more than kLeastEvidence and kLeastEvidenceShare: the curve says the rest,
-  // but for ambiguous poses, which the localizer holds to these limits.
+  // How much they must say, each weighed by its landmark's rarity, > 0.
   float min_evidence = 10;
   // And what share of the landmarks that the pose puts into the image, weighed likewise, 0..1: a
   // door like any other is a small part of what should be seen.

@@ -101,12 +101,9 @@ class Trial {
                                bool of_hidden, const Progress& progress) const {
     const auto model = ModelView::Open(bytes);
     if (!model.ok()) throw ToolError(std::string("held-out model: ") + model.status().text());
-    LocalizerOptions as_with_curve;
-    as_with_curve.pose.min_evidence = kLeastEvidence;
-    as_with_curve.pose.min_evidence_share = kLeastEvidenceShare;
     std::vector<std::unique_ptr<Localizer>> localizers(Workers(options_.jobs));
     for (auto& localizer : localizers) {
-      localizer = std::make_unique<Localizer>(MakeModelLocalizer(*model, as_with_curve));
+      localizer = std::make_unique<Localizer>(MakeModelLocalizer(*model, {}));
     }
     std::vector<std::optional<PoseOutcome>> outcomes(asked.size());
     ParallelForWorkers(

@@ -50,9 +50,8 @@ struct PoseConfidenceSource {
 // Poses that models without the frame itself, and models without its location, give to held-out
 // training images. Right is a pose within half a metre (where units are no metres, a tenth of the
 // median distance of what the image shows) and 10 degrees of the truth; where there is no truth,
-// one that names the right location. Poses that no
-// curve is asked about (kLeastEvidence) and ambiguous ones are left out. The same whatever `jobs`
-// is.
+// one that names the right location. Poses that the fixed
+// rules refuse (PoseFinderOptions) and ambiguous ones are left out. The same whatever `jobs` is.
 std::vector<PoseOutcome> HoldOutPoses(const PoseConfidenceSource& source,
                                       const PoseConfidenceOptions& options,
                                       const Progress& progress = {});

@@ -266,19 +266,6 @@ TEST_F(LookAlikesTest, OfTwoFloorsAreAmbiguous) {
   EXPECT_TRUE(fix->GuessIsRival());
 }
 
-// No curve is asked about a pose with rivals: what it must show stays what it was.
-TEST_F(LookAlikesTest, OfOneFloorOnLittleEvidenceSayNothing) {
-  site_.data.pose_confidence = ModelPoseConfidence{5, {1, 1, 1}, 0.5F};
-  for (auto& rarity : site_.data.landmark_rarity) rarity = 12;
-  Localizer localizer = Make();
-  const auto fix = localizer.Localize(image());
-  ASSERT_TRUE(fix.ok());
-  ASSERT_GT(fix->evidence, 3);
-  ASSERT_LT(fix->evidence, 10);
-  EXPECT_FALSE(fix->localized);
-  EXPECT_TRUE(fix->reasons & kLowInliers);
-}
-
 TEST_F(LookAlikesTest, OfOneFloorSayTheFloor) {
   Localizer localizer = Make();
   const auto fix = localizer.Localize(image());

@@ -151,19 +151,6 @@ TEST(PoseFinder, ASmallShareOfWhatShouldBeSeenDoesNotConvince) {
   EXPECT_FALSE(strict->Find(features, SyntheticSite::camera(), false, AllKeyframes()).found);
 }
 
-// A curve fitted on held-out frames knows better than fixed limits: it is asked about that pose.
-TEST(PoseFinder, WhereThereIsACurveLessIsLeftToFixedLimits) {
-  SyntheticSite site;
-  site.data().pose_confidence = ModelPoseConfidence{-2, {1, 1, 1}, 0.5F};
-  Finder strict(site, {.min_inliers = 8, .min_evidence = 1000, .min_evidence_share = 1});
-  const Rigid3 truth = SyntheticSite::CamFromWorld(3);
-  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0,
-                                       {.noise_px = 0.4, .clutter = 60, .share_seen = 0.2});
-  const FoundPose found = strict->Find(features, SyntheticSite::camera(), false, AllKeyframes());
-  EXPECT_TRUE(found.found);
-  EXPECT_LT(found.evidence, found.expected / 3);
-}
-
 TEST(PoseFinder, AFocalLengthThatIsAGuessIsRefined) {
   SyntheticSite site;
   Finder finder(site);
