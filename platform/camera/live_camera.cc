@@ -52,7 +52,7 @@ class LiveCamera : public FrameSource {
   void Connect();
   bool HasSlept();
   Status StartAnew();
-  void Fail(const Status& why);
+  void Fail(Status why);
   bool WaitToRetry();
   Dequeued TakeNewest(std::optional<Buffer>& newest);
   void Count(const Buffer& buffer);
@@ -147,7 +147,8 @@ Status LiveCamera::StartAnew() {
   return Nothing();
 }
 
-void LiveCamera::Fail(const Status& why) {
+// By value: the stream may own it.
+void LiveCamera::Fail(Status why) {
   stream_.reset();
   condition_.present = false;
   condition_.text = why.text();
