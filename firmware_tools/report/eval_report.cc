@@ -31,7 +31,7 @@ std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const 
                      {"floor_plan", FloorPlanUnder(figures, model)},
                      {"failures", FailurePictures(set, FeatureOptionsOf(model), figures)},
                      {"figures", figures}};
-  return PlotPage(EvalReportPage(), data);
+  return PlotPage(EvalReportScript(), data);
 }
 
 }  // namespace viewfix

@@ -8,7 +8,7 @@
 namespace viewfix {
 
 std::string ExperimentReportHtml(const std::string& set, const nlohmann::ordered_json& figures) {
-  return PlotPage(ExperimentReportPage(), {{"title", {{"set", set}}}, {"figures", figures}});
+  return PlotPage(ExperimentReportScript(), {{"title", {{"set", set}}}, {"figures", figures}});
 }
 
 }  // namespace viewfix

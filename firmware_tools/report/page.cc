@@ -53,13 +53,14 @@ std::string ScriptJson(const nlohmann::ordered_json& json) {
   return safe;
 }
 
-std::string PlotPage(std::string_view page, const nlohmann::ordered_json& data) {
+std::string PlotPage(std::string_view script, const nlohmann::ordered_json& data) {
   const std::string script_data = ScriptJson(data);
   const PagePart parts[] = {{"/*STYLE*/", PageStyle()},
                             {"/*LIBRARY*/", ChartLibrary()},
                             {"/*COMMON*/", PlotScript()},
+                            {"/*SCRIPT*/", script},
                             {"/*DATA*/", script_data}};
-  return FillPage(page, parts);
+  return FillPage(PlotPageFrame(), parts);
 }
 
 std::string UrlPath(std::string_view path) {

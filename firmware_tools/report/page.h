@@ -18,10 +18,11 @@ std::string_view PageStyle();
 std::string_view ThreeCoreLibrary();
 std::string_view ThreeLibrary();
 std::string_view OrbitControlsLibrary();
-std::string_view EvalReportPage();
-std::string_view ExperimentReportPage();
-std::string_view MapPage();
+std::string_view PlotPageFrame();
 std::string_view PlotScript();
+std::string_view EvalReportScript();
+std::string_view ExperimentReportScript();
+std::string_view MapPage();
 
 // Throws ToolError naming what is missing, and what to do, if a library of `what` is empty.
 void CheckLibrary(const std::string& what, std::string_view library, const std::string& name);
@@ -36,8 +37,8 @@ std::string FillPage(std::string_view page, std::span<const PagePart> parts);
 // JSON as it may stand in a <script> element, whatever its strings hold.
 std::string ScriptJson(const nlohmann::ordered_json& json);
 
-// A page with plots, and its data.
-std::string PlotPage(std::string_view page, const nlohmann::ordered_json& data);
+// A page with plots: what `script`, which PlotScript() precedes, makes of its data.
+std::string PlotPage(std::string_view script, const nlohmann::ordered_json& data);
 
 // A path as a relative address: "./" and what a browser takes for itself as %XX.
 std::string UrlPath(std::string_view path);

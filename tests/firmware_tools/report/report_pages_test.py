@@ -24,6 +24,7 @@ import browser  # noqa: E402
 
 PROGRAMS = argparse.Namespace()
 HOSTILE = '</script><script>alert(1)</script><img src=x onerror=alert(2)>&amp;"\''
+DESK, PHONE = {'width': 1280, 'height': 800}, {'width': 390, 'height': 844}
 PLOTS = ['accuracy by level', 'reliability', 'risk and coverage', 'latency by stage',
          'model bytes by section', 'images by location', 'trajectory']
 
@@ -97,8 +98,16 @@ class PagesTest(unittest.TestCase):
             os.makedirs(PROGRAMS.screenshots, exist_ok=True)
             page.screenshot(os.path.join(PROGRAMS.screenshots, name + '.png'))
         self.assertEqual(page.faults, [])
-        self.assertLessEqual(page.evaluate('document.documentElement.scrollWidth'), page.size[0])
+        self.assert_nothing_sideways(page)
         return page
+
+    def assert_nothing_sideways(self, page):
+        self.assertLessEqual(page.evaluate('document.documentElement.scrollWidth'), page.size[0])
+        outside = page.evaluate(
+            "[...document.querySelectorAll('table')].filter(t => !t.closest('.scroll')).length +"
+            "[...document.querySelectorAll('.card, .scroll, canvas')]"
+            '.filter(e => e.getBoundingClientRect().right > innerWidth + 1).length')
+        self.assertEqual(outside, 0, 'what is wide scrolls in its own box')
 
     def assert_plots_drawn(self, page, plots=PLOTS):
         self.assertEqual(sorted(page.evaluate('charts.map(c => c.name)')), sorted(plots))
@@ -123,16 +132,37 @@ class PagesTest(unittest.TestCase):
         self.assertEqual(page.faults, [])
 
     def test_a_phone_in_the_dark(self):
-        page = self.visit(self.report, 'phone', width=390, height=844, dark=True)
+        page = self.visit(self.report, 'phone', **PHONE, dark=True)
         self.assert_plots_drawn(page)
         self.assertEqual(page.evaluate('getComputedStyle(document.body).backgroundColor'),
                          'rgb(20, 23, 26)')
 
+    def test_a_wide_table_scrolls_in_its_own_box(self):
+        page = self.visit(self.report, 'phone_table', **PHONE)
+        wider = page.evaluate("(async () => { const d = document.querySelector('details');"
+                              'd.open = true; await new Promise(r => setTimeout(r, 200));'
+                              "const box = d.querySelector('.scroll');"
+                              'return box.scrollWidth - box.clientWidth; })()')
+        self.assertGreater(wider, 100)
+        self.assert_nothing_sideways(page)
+
+    def test_a_legend_shows_what_the_plot_shows(self):
+        page = self.visit(self.report, 'legend')
+        legend = page.evaluate("charts.find(c => c.name === 'reliability').chart.legend.legendItems"
+                               '.map(i => [i.text, i.pointStyle, i.lineDash.length])')
+        self.assertEqual(legend, [['share right', 'circle', 0], ['95 % interval', 'rect', 2],
+                                  ['perfect', 'line', 2]])
+
     def test_paper_is_white(self):
-        page = self.visit(self.report, 'print', dark=True)
+        page = self.visit(self.report, 'print', width=740, height=1000, dark=True)
         page.call('Emulation.setEmulatedMedia', media='print')
         page.wait_for("getComputedStyle(document.body).backgroundColor === 'rgb(255, 255, 255)'")
         self.assert_plots_drawn(page)
+        self.assert_nothing_sideways(page)
+        beside = page.evaluate("(() => { const [a, b] = [...document.querySelectorAll('.pairs')[0]"
+                               '.children].map(e => e.getBoundingClientRect().top);'
+                               'return a === b; })()')
+        self.assertTrue(beside, 'a failure takes little paper, however narrow')
         self.assertEqual(page.faults, [])
 
     def test_an_experiment_has_its_tables_and_plots(self):
@@ -141,8 +171,7 @@ class PagesTest(unittest.TestCase):
                 report, '--splits', '1', '--words', '50', '--jobs', '1')
         plots = ['accuracy of the methods', 'time for a prediction', 'accuracy by location']
         figures = json.loads(file.read_text(encoding='utf-8'))
-        for name, options in (('experiment', {}), ('experiment_phone',
-                                                   {'width': 390, 'height': 844, 'dark': True})):
+        for name, options in (('experiment', {}), ('experiment_phone', {**PHONE, 'dark': True})):
             page = self.visit(report, name, **options)
             self.assert_plots_drawn(page, plots)
             self.assertEqual(page.evaluate("document.querySelector('table').rows.length"),
@@ -193,8 +222,51 @@ class PagesTest(unittest.TestCase):
             self.assertLess(self.colours_of_map(page), before, part)
         self.assertEqual(page.faults, [])
 
+    def test_the_map_opens_with_all_of_it_in_sight(self):
+        for name, size in (('map_desk', DESK), ('map_phone', PHONE)):
+            for dark in (False, True):
+                with self.subTest(name, dark=dark):
+                    self.assert_in_sight(self.visit_map(name, **size, dark=dark))
+
+    def assert_in_sight(self, page):
+        """Keyframes and points lie beside or below the panel, and take much of what is there."""
+        keyframes, points, width, height = page.evaluate(
+            '(() => { const {state, camera, freeArea} = viewfixMap, area = freeArea();'
+            'const shares = at => { const p = at.clone().project(camera); return ['
+            '((p.x + 1) / 2 * innerWidth - area.x) / area.width,'
+            '((1 - p.y) / 2 * innerHeight - area.y) / area.height]; };'
+            'const inside = all => all.filter(s => s.every(v => v >= 0 && v <= 1)).length / all.length;'
+            'const keyframes = data => JSON.parse(data.textContent).maps[0].keyframes.map('
+            'k => shares(camera.position.clone().set(...k.t)));'
+            'const cloud = state.parts.show_points.geometry.attributes.position;'
+            'const points = Array.from({length: cloud.count}, (_, i) => shares('
+            'camera.position.clone().fromBufferAttribute(cloud, i)));'
+            'const spread = axis => { const all = points.map(p => p[axis]).sort((a, b) => a - b);'
+            'return all[Math.floor(0.98 * all.length)] - all[Math.floor(0.02 * all.length)]; };'
+            "return [inside(keyframes(document.getElementById('data'))), inside(points), spread(0),"
+            'spread(1)]; })()')
+        self.assertEqual(keyframes, 1)
+        self.assertGreater(points, 0.98)
+        self.assertGreater(max(width, height), 0.75)
+        panel = page.evaluate("(() => { const p = document.getElementById('panel')"
+                              '.getBoundingClientRect(), a = viewfixMap.freeArea();'
+                              'return [p.right <= a.x || p.bottom <= a.y,'
+                              'a.width * a.height / innerWidth / innerHeight]; })()')
+        self.assertTrue(panel[0], 'the panel covers none of it')
+        self.assertGreater(panel[1], 0.5)
+
+    def test_the_map_comes_nearer_to_a_location(self):
+        page = self.visit_map('map_location', **PHONE)
+        away = 'viewfixMap.camera.position.length()'
+        before = page.evaluate(away)
+        for i in range(10):
+            page.evaluate(f"document.querySelectorAll('#legend button')[{i}].click()")
+            self.assertTrue(page.evaluate(f'Number.isFinite({away})'))
+        self.assertNotEqual(page.evaluate(away), before)
+        self.assertEqual(page.faults, [])
+
     def test_the_walk_moves_a_camera(self):
-        page = self.visit_map('walk', width=390, height=844, dark=True)
+        page = self.visit_map('walk', **PHONE, dark=True)
         self.assertEqual(page.evaluate("document.getElementById('step').max"), '4')
         at = 'JSON.stringify(viewfixMap.state.mover.geometry.boundingSphere.center)'
         before = page.evaluate(at)

@@ -123,7 +123,8 @@ class Browser:
         while True:
             message = json.loads(self.socket.receive())
             if message.get('method') == 'Runtime.exceptionThrown':
-                self.faults.append(message['params']['exceptionDetails'].get('text', 'exception'))
+                details = message['params']['exceptionDetails']
+                self.faults.append(details.get('exception', {}).get('description', details['text']))
             if (message.get('method') == 'Runtime.consoleAPICalled' and
                     message['params']['type'] in ('error', 'assert')):
                 self.faults.append(str(message['params']['args']))

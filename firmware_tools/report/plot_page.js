@@ -1,4 +1,4 @@
-// What the pages with plots share.
+// What the pages with plots share; data's `figures` are what --json writes.
 // Every name of a place or a file becomes text by textContent, never markup.
 const data = JSON.parse(document.getElementById('data').textContent);
 const figures = data.figures;
@@ -17,9 +17,26 @@ function card(heading, explanation, wide) {
   if (explanation) add(section, 'p', explanation, 'quiet');
   return section;
 }
+function heading(title, of) {
+  document.title = title;
+  document.getElementById('title').textContent = title;
+  document.getElementById('of').textContent = of;
+}
+// A table that scrolls in its own box; with `heads`, if any, as its first row, and rows of one line.
+function table(parent, heads) {
+  const element = add(add(parent, 'div', null, 'scroll'), 'table', null, heads ? 'list' : '');
+  if (heads) addRow(element, 'th', heads);
+  return element;
+}
+// A row of texts, or of [text, class].
+function addRow(element, tag, contents) {
+  const row = add(element, 'tr');
+  for (const content of contents) add(row, tag, ...[content].flat());
+  return row;
+}
 const isNumber = value => typeof value === 'number';
-const percent = value => isNumber(value) ? (100 * value).toFixed(1) + ' %' : '–';
-const interval = pair => Array.isArray(pair) ? `${(100 * pair[0]).toFixed(1)}–${(100 * pair[1]).toFixed(1)} %` : '';
+const percent = value => isNumber(value) ? (100 * value).toFixed(1) + '\u00a0%' : '–';
+const interval = pair => Array.isArray(pair) ? `${(100 * pair[0]).toFixed(1)}–${(100 * pair[1]).toFixed(1)}\u00a0%` : '';
 const milliseconds = value => isNumber(value) ? value.toFixed(1) + ' ms' : '–';
 
 // Plots: made again whenever the colours change.
@@ -34,11 +51,21 @@ function plot(section, name, make, tall) {
     Chart.defaults.color = colour('quiet');
     Chart.defaults.borderColor = colour('line');
     Chart.defaults.font.family = 'system-ui, sans-serif';
+    Object.assign(Chart.defaults.plugins.legend.labels, {usePointStyle: true, boxHeight: 9, generateLabels: legendLabels});
+    Chart.defaults.elements.bar.pointStyle = 'rect';
     const config = make(frame);
     config.options = {animation: false, maintainAspectRatio: false, ...config.options};
     entry.chart = new Chart(canvas, config);
   }};
   charts.push(entry);
+}
+// Chart.js' own, with the lines as they are in the plot; without those that have no name.
+const chartLegendLabels = Chart.defaults.plugins.legend.labels.generateLabels;
+function legendLabels(chart) {
+  return chartLegendLabels(chart).filter(item => item.text).map(item => {
+    const {borderColor, borderDash, borderWidth} = chart.data.datasets[item.datasetIndex];
+    return {...item, lineDash: borderDash ?? [], lineWidth: borderWidth ?? (borderColor ? 2 : 0)};
+  });
 }
 // A plugin that draws intervals over the bars: of(dataset, index) is [low, high], or nothing.
 const whiskers = of => ({afterDatasetsDraw(chart) {
@@ -69,14 +96,13 @@ function confusionMatrix(section, cells) {
   if (names.length > 30) return confusionList(section, wrong);
   add(section, 'p', 'Rows: where the image was taken. Columns: the best guess.', 'quiet');
   const count = new Map(cells.map(c => [c.true + '\n' + nameOf(c.guess), c.images]));
-  const table = add(add(section, 'div', null, 'scroll'), 'table');
-  table.id = 'matrix';
-  const head = add(add(table, 'thead'), 'tr');
+  const matrix = table(section);
+  matrix.id = 'matrix';
+  const head = add(add(matrix, 'thead'), 'tr');
   add(head, 'th');
   names.forEach(name => add(add(head, 'th'), 'span', name));
   for (const truth of names.filter(name => cells.some(c => c.true === name))) {
-    const line = add(table, 'tr');
-    add(line, 'th', truth, 'row');
+    const line = addRow(matrix, 'th', [[truth, 'row']]);
     const total = cells.filter(c => c.true === truth).reduce((sum, c) => sum + c.images, 0);
     for (const guess of names) {
       const images = count.get(truth + '\n' + guess) ?? 0;
@@ -88,16 +114,8 @@ function confusionMatrix(section, cells) {
 }
 function confusionList(section, wrong) {
   add(section, 'p', wrong.length > 40 ? `The 40 most frequent of ${wrong.length} confusions.` : 'All confusions.', 'quiet');
-  const table = add(add(section, 'div', null, 'scroll'), 'table');
-  table.id = 'matrix_list';
-  const head = add(table, 'tr');
-  for (const text of ['taken at', 'best guess', 'images']) add(head, 'th', text);
-  for (const c of wrong.slice(0, 40)) {
-    const line = add(table, 'tr');
-    add(line, 'td', c.true);
-    add(line, 'td', nameOf(c.guess));
-    add(line, 'td', c.images, 'number');
-  }
+  const list = table(section, ['taken at', 'best guess', ['images', 'number']]);
+  for (const c of wrong.slice(0, 40)) addRow(list, 'td', [c.true, nameOf(c.guess), [c.images, 'number']]);
 }
 
 matchMedia('(prefers-color-scheme: dark)').addEventListener('change', drawAll);

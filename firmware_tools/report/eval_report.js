@@ -1,71 +1,18 @@
-<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy"
-      content="default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:">
-<title>Viewfix evaluation</title>
-<link rel="icon" href="data:,">
-<style>
-/*STYLE*/
-.failure { border-top: 1px solid var(--line); padding: 10px 0; break-inside: avoid; }
-.pairs { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 16px; }
-.sides { display: grid; grid-template-columns: repeat(2, minmax(0, 1fr)); gap: 0 .99%; position: relative; align-items: start; }
-.sides svg { position: absolute; top: 0; left: 0; width: 100%; stroke-width: .004; }
-.sides svg line { stroke-opacity: .55; }
-.sides svg.red { stroke: #ff5a50; fill: #ff5a50; }
-.sides svg.green { stroke: #3ddc63; fill: #3ddc63; }
-figure { margin: 0; font-size: .85em; overflow-wrap: anywhere; }
-figure img { width: 100%; height: auto; display: block; }
-.none { aspect-ratio: 4 / 3; border: 1px dashed var(--line); border-radius: 4px; display: grid;
-        place-items: center; color: var(--quiet); }
-details { border-bottom: 1px solid var(--line); padding: 4px 0; }
-summary { cursor: pointer; display: grid; grid-template-columns: minmax(0, 1fr) repeat(4, 5em); gap: 6px;
-          font-variant-numeric: tabular-nums; }
-summary span { overflow-wrap: anywhere; text-align: right; }
-summary span:first-child { text-align: left; }
-summary span:first-child::before { content: '\25B8\00A0'; color: var(--quiet); }
-details[open] summary span:first-child::before { content: '\25BE\00A0'; }
-.heads { color: var(--quiet); display: grid; grid-template-columns: minmax(0, 1fr) repeat(4, 5em); gap: 6px;
-         text-align: right; }
-@media (max-width: 760px) {
-  .pairs { grid-template-columns: minmax(0, 1fr); }
-  summary, .heads { grid-template-columns: minmax(0, 1fr) repeat(4, 4.1em); gap: 2px; font-size: .8em; }
-}
-</style>
-</head>
-<body>
-<main>
-  <h1 id="title"></h1>
-  <p class="quiet" id="of"></p>
-  <div class="grid" id="cards"></div>
-</main>
-<script>
-/*LIBRARY*/
-</script>
-<script type="application/json" id="data">/*DATA*/</script>
-<script>
-'use strict';
-/*COMMON*/
-const centimetres = value => isNumber(value) ? (100 * value).toFixed(1) + ' cm' : '–';
+// The page of `viewfix eval --report`, after plot_page.js.
+const length = value => !isNumber(value) ? '–' : value < 1 ? (100 * value).toFixed(1) + '\u00a0cm' : value.toFixed(2) + '\u00a0m';
+const kPointRadius = 4;  // pixels
+const kLowest = 120, kHighest = 500;  // pixels that a plan of positions is high
 const degrees = value => isNumber(value) ? value.toFixed(2) + '°' : '–';
 
 function summary() {
   const section = card('Summary', null);
   const columns = figures.sequence ? [['as a sequence', figures], ['each frame alone', figures.frame_alone]]
                                    : [['', figures]];
-  const table = add(add(section, 'div', null, 'scroll'), 'table');
-  if (columns.length > 1) {
-    const head = add(table, 'tr');
-    add(head, 'th');
-    columns.forEach(([name]) => add(head, 'th', name));
-  }
+  const list = table(section, columns.length > 1 ? ['', ...columns.map(([name]) => name)] : null);
   const row = (name, value) => {
     const values = columns.map(([, of]) => value(of));
     if (values.every(text => text === null)) return;
-    const line = add(table, 'tr');
-    add(line, 'th', name);
+    const line = addRow(list, 'th', [name]);
     values.forEach(text => add(line, 'td', text ?? '–'));
   };
   const withInterval = (value, pair) => percent(value) + (Array.isArray(pair) ? `  (95 %: ${interval(pair)})` : '');
@@ -82,8 +29,8 @@ function summary() {
   row('tracked', f => 'tracked' in f ? percent(f.tracked) : null);
   row('unknown places answered', f => f.unknown ? `${percent(f.unknown.localized)} of ${f.unknown.images}` : null);
   row('pose found', pose(p => percent(p.localized)));
-  row('median error', pose(p => `${centimetres(p.median_translation_m)}, ${degrees(p.median_rotation_deg)}`));
-  row('90 % within', pose(p => centimetres(p.p90_translation_m)));
+  row('median error', pose(p => `${length(p.median_translation_m)}, ${degrees(p.median_rotation_deg)}`));
+  row('90 % within', pose(p => length(p.p90_translation_m)));
   for (const [name, text] of [['0.05m_2deg', '5 cm, 2°'], ['0.05m_5deg', '5 cm, 5°'], ['0.1m_5deg', '10 cm, 5°'], ['0.25m_2deg', '25 cm, 2°'],
                               ['0.5m_5deg', '50 cm, 5°'], ['5m_10deg', '5 m, 10°']]) {
     row('within ' + text, pose(p => percent(p.recall[name])));
@@ -121,18 +68,17 @@ function reliability() {
   const section = card('Reliability', 'Answers grouped by confidence: on the diagonal, a confidence of 80 % is right ' +
       '80 % of the time. The band is the 95 % interval.');
   const line = (label, values, name, more) =>
-      ({label, data: values, borderColor: colour(name), backgroundColor: colour(name), ...more});
+      ({label, data: values, borderColor: colour(name), backgroundColor: colour(name), pointRadius: 0, clip: kPointRadius, ...more});
   const bound = side => points.map(p => ({x: p.confidence, y: p.right_ci95 ? p.right_ci95[side] : p.right}));
   plot(section, 'reliability', () => ({
     type: 'line',
     data: {datasets: [
-      line('share right', points.map(p => ({x: p.confidence, y: p.right})), 'blue', {pointRadius: 4}),
-      line('95 % interval', bound(0), 'blue', {pointRadius: 0, borderWidth: 1, borderDash: [2, 2]}),
-      line('', bound(1), 'blue', {pointRadius: 0, borderWidth: 1, borderDash: [2, 2], fill: '-1',
-                                  backgroundColor: colour('blue') + '22'}),
-      line('perfect', [{x: 0, y: 0}, {x: 1, y: 1}], 'grey', {pointRadius: 0, borderDash: [6, 4]})]},
-    options: {scales: {x: {type: 'linear', ...share('confidence')}, y: share('share right')},
-              plugins: {legend: {labels: {filter: item => item.text !== ''}}}}
+      line('share right', points.map(p => ({x: p.confidence, y: p.right})), 'blue', {pointRadius: kPointRadius}),
+      line('', bound(0), 'blue', {borderWidth: 1, borderDash: [2, 2]}),
+      line('95 % interval', bound(1), 'blue', {borderWidth: 1, borderDash: [2, 2], fill: '-1', pointStyle: 'rect',
+                                               backgroundColor: colour('blue') + '22'}),
+      line('perfect', [{x: 0, y: 0}, {x: 1, y: 1}], 'grey', {borderDash: [6, 4], pointStyle: 'line'})]},
+    options: {scales: {x: {type: 'linear', ...share('confidence')}, y: share('share right')}}
   }));
 }
 
@@ -144,7 +90,8 @@ function riskCoverage() {
   plot(section, 'risk and coverage', () => ({
     type: 'line',
     data: {datasets: [{label: 'share wrong', data: points.map(p => ({x: p.coverage, y: p.risk})), borderColor: colour('red'),
-                       backgroundColor: colour('red'), pointRadius: points.length > 40 ? 0 : 2}]},
+                       backgroundColor: colour('red'), pointRadius: points.length > 40 ? 0 : 2, pointStyle: 'line',
+                       clip: 2}]},
     options: {scales: {x: {type: 'linear', ...share('share of images answered')},
                        y: axis('share of them wrong', {min: 0, ticks: {callback: value => (100 * value).toFixed(1) + ' %'}})}}
   }));
@@ -167,7 +114,7 @@ function locations() {
   const heads = add(section, 'div', null, 'heads');
   for (const text of ['', 'images', 'right', 'answered', 'wrong']) add(heads, 'span', text);
   for (const r of rows) {
-    const details = add(section, 'details');
+    const details = add(section, 'details', null, 'location');
     const line = add(details, 'summary');
     add(line, 'span', r.location);
     add(line, 'span', r.images);
@@ -178,18 +125,13 @@ function locations() {
   }
 }
 function framesOf(location, details) {
-  const table = add(add(details, 'div', null, 'scroll'), 'table');
-  const head = add(table, 'tr');
-  for (const text of ['image', 'best guess', 'view', 'confidence', 'answered', 'position off', 'rotation off']) add(head, 'th', text);
+  const list = table(details, ['image', 'best guess', 'view', 'confidence', 'answered', 'position off', 'rotation off']);
   for (const f of figures.frames.filter(frame => frame.true_location === location)) {
-    const line = add(table, 'tr');
-    add(line, 'td', f.path);
-    add(line, 'td', nameOf(f.location), f.location === f.true_location ? 'good' : 'bad');
-    add(line, 'td', f.view);
-    add(line, 'td', percent(f.confidence));
-    add(line, 'td', f.localized ? (f.wrong ? 'yes, wrong' : 'yes') : 'no: ' + f.reasons.join(', '), f.localized && f.wrong ? 'bad' : '');
-    add(line, 'td', centimetres(f.translation_error_m));
-    add(line, 'td', degrees(f.rotation_error_deg));
+    addRow(list, 'td', [
+        f.path, [nameOf(f.location), f.location === f.true_location ? 'good' : 'bad'],
+        [f.view, f.true_view && f.view !== f.true_view ? 'bad' : ''], percent(f.confidence),
+        [f.localized ? (f.wrong ? 'yes, wrong' : 'yes') : 'no: ' + f.reasons.join(', '), f.localized && f.wrong ? 'bad' : ''],
+        length(f.translation_error_m), degrees(f.rotation_error_deg)]);
   }
 }
 
@@ -209,17 +151,18 @@ function failures() {
   for (const failure of data.failures) {
     const f = figures.frames[failure.frame];
     const block = add(section, 'div', null, 'failure');
-    const off = isNumber(f.translation_error_m) ? `, position ${centimetres(f.translation_error_m)} off` : '';
+    const off = isNumber(f.translation_error_m) ? `, position ${length(f.translation_error_m)} off` : '';
     add(block, 'p', f.localized ? `Answered with ${percent(f.confidence)} confidence${off}`
                                 : `Not answered (${f.reasons.join(', ')}), confidence ${percent(f.confidence)}${off}`);
     const pairs = add(block, 'div', null, 'pairs');
-    const query = {picture: failure.query, title: 'The image', location: f.true_location, path: f.path};
-    pair(pairs, query, {picture: failure.guess, title: 'Best guess', location: nameOf(f.location), path: f.keyframe},
+    const query = {picture: failure.query, title: 'The image', location: placeOf(f.true_location, f.true_view), path: f.path};
+    pair(pairs, query, {picture: failure.guess, title: 'Best guess', location: placeOf(nameOf(f.location), f.view), path: f.keyframe},
          failure.guess_matches, f.location === f.true_location ? 'green' : 'red');
     pair(pairs, query, {picture: failure.right, title: 'Nearest keyframe of the right place', location: f.true_location,
                         path: f.right_keyframe}, failure.right_matches, 'green');
   }
 }
+const placeOf = (location, view) => view ? `${location}, ${view}` : location;
 // Two photographs side by side, and what was matched between them.
 function pair(parent, query, keyframe, matches, name) {
   const figure = add(parent, 'figure');
@@ -275,29 +218,34 @@ function trajectory() {
   const plan = data.floor_plan && loadPlan(data.floor_plan);
   const section = card('Positions', (plan ? 'Over the floor plan. ' : '') + 'Where each image was taken and where it was found, ' +
       'joined by a line; poses of images that were not answered are there too.', true);
-  plot(section, 'trajectory', frame => ({
-    type: 'scatter',
-    data: {datasets: [
-      {label: 'found', data: found.map(f => at(f.position)), backgroundColor: colour('orange'), pointRadius: 3},
-      {label: 'true', data: truths.map(f => at(f.true_position)), borderColor: colour('blue'), backgroundColor: 'transparent',
-       pointRadius: 5},
-      {label: 'error', data: links, showLine: true, pointRadius: 0, borderWidth: 1, borderColor: colour('red')}]},
-    options: {scales: {x: axis('xyz'[right] + ', m', equalScales(all.map(at), frame).x),
-                       y: axis('xyz'[ahead] + ', m', equalScales(all.map(at), frame).y)}},
-    plugins: [{beforeDatasetsDraw: chart => plan && drawPlan(chart, plan)}]
-  }), true);
+  plot(section, 'trajectory', frame => {
+    const scales = equalScales(all.map(at), frame);
+    return {
+      type: 'scatter',
+      data: {datasets: [
+        {label: 'found', data: found.map(f => at(f.position)), backgroundColor: colour('orange'), pointRadius: 3},
+        {label: 'true', data: truths.map(f => at(f.true_position)), borderColor: colour('blue'), backgroundColor: 'transparent',
+         pointRadius: 5},
+        {label: 'error', data: links, showLine: true, pointRadius: 0, pointStyle: 'line', borderWidth: 1, borderColor: colour('red')}]},
+      options: {scales: {x: axis('xyz'[right] + ', m', scales.x), y: axis('xyz'[ahead] + ', m', scales.y)}},
+      plugins: [{beforeDatasetsDraw: chart => plan && drawPlan(chart, plan)}]
+    };
+  }, true);
 }
-// The ends of both axes, so that a metre is as long to the right as ahead in this frame.
+// The ends of both axes, so that a metre is as long to the right as ahead in this frame, which is made as high as that takes.
 function equalScales(points, frame) {
+  const around = {x: 70, y: 100};  // pixels that axes and legend take
   const range = key => [Math.min(...points.map(p => p[key])), Math.max(...points.map(p => p[key]))];
   const spans = {x: range('x'), y: range('y')};
-  const pixels = {x: Math.max(frame.clientWidth - 70, 50), y: Math.max(frame.clientHeight - 100, 50)};
-  const length = key => spans[key][1] - spans[key][0];
-  const perPixel = 1.1 * Math.max(length('x') / pixels.x, length('y') / pixels.y, 0.001);
-  const ends = key => ({min: (spans[key][0] + spans[key][1] - perPixel * pixels[key]) / 2,
-                        max: (spans[key][0] + spans[key][1] + perPixel * pixels[key]) / 2,
-                        ticks: {includeBounds: false}});
-  return {x: ends('x'), y: ends('y')};
+  const length = key => Math.max(1.1 * (spans[key][1] - spans[key][0]), 0.1);
+  const width = Math.max(frame.clientWidth - around.x, 50);
+  const height = Math.min(Math.max(width * length('y') / length('x'), kLowest), kHighest);
+  frame.style.height = `${height + around.y}px`;
+  const perPixel = Math.max(length('x') / width, length('y') / height);
+  const ends = (key, pixels) => ({min: (spans[key][0] + spans[key][1] - perPixel * pixels) / 2,
+                                  max: (spans[key][0] + spans[key][1] + perPixel * pixels) / 2,
+                                  ticks: {includeBounds: false}});
+  return {x: ends('x', width), y: ends('y', height)};
 }
 function loadPlan(plan) {
   const image = new Image();
@@ -349,12 +297,12 @@ function modelBytes() {
   }));
 }
 
-document.getElementById('title').textContent = 'Evaluation of ' + data.title.model;
-document.getElementById('of').textContent = `on ${data.title.set}, split ${data.title.split}; model ${data.title.hash}`;
+heading('Evaluation of ' + data.title.model, `on ${data.title.set}, split ${data.title.split}; model ${data.title.hash}`);
 if (data.title.map) {
-  const link = add(add(document.getElementById('of').parentNode, 'p'), 'a', 'The map in 3D');
+  const link = document.createElement('a');
+  link.textContent = 'The map in 3D';
   link.href = data.title.map;
-  document.getElementById('of').after(link.parentNode);
+  add(document.getElementById('of'), 'br').after(link);
 }
 summary();
 accuracyByLevel();
@@ -366,7 +314,3 @@ locations();
 confusion();
 failures();
 trajectory();
-drawAll();
-</script>
-</body>
-</html>
