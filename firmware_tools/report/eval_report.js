@@ -1,5 +1,6 @@
 // The page of `viewfix eval --report`, after plot_page.js.
 const length = value => !isNumber(value) ? '–' : value < 1 ? (100 * value).toFixed(1) + '\u00a0cm' : value.toFixed(2) + '\u00a0m';
+const hasPoses = figures.pose.labelled > 0;
 const kPointRadius = 4;  // pixels
 const kLowest = 120, kHighest = 500;  // pixels that a plan of positions is high
 const degrees = value => isNumber(value) ? value.toFixed(2) + '°' : '–';
@@ -8,7 +9,8 @@ function summary() {
   const section = card('Summary', null);
   const columns = figures.sequence ? [['as a sequence', figures], ['each frame alone', figures.frame_alone]]
                                    : [['', figures]];
-  const list = table(section, columns.length > 1 ? ['', ...columns.map(([name]) => name)] : null);
+  const list = table(section);
+  if (columns.length > 1) addRow(list, 'th', ['', ...columns.map(([name]) => name)]);
   const row = (name, value) => {
     const values = columns.map(([, of]) => value(of));
     if (values.every(text => text === null)) return;
@@ -16,7 +18,6 @@ function summary() {
     values.forEach(text => add(line, 'td', text ?? '–'));
   };
   const withInterval = (value, pair) => percent(value) + (Array.isArray(pair) ? `  (95 %: ${interval(pair)})` : '');
-  const hasPoses = figures.pose.labelled > 0;
   const pose = text => f => hasPoses ? text(f.pose) : null;
   row('images', f => `${f.images}` + (f.skipped ? `, ${f.skipped} skipped` : ''));
   row('location right', f => withInterval(f.location.accuracy, f.location.ci95));
@@ -103,13 +104,14 @@ function locations() {
   const section = card('Locations', 'Right: the best guess, answered or not. Wrong: of those answered. ' +
       'A location opens to its images.', true);
   const shown = rows.slice().sort((a, b) => a.right / a.images - b.right / b.images || b.wrong - a.wrong).slice(0, 40);
+  const names = shown.map(r => r.location);
   plot(section, 'images by location', () => ({
     type: 'bar',
-    data: {labels: shown.map(r => r.location),
+    data: {labels: names,
            datasets: [['right', 'green', r => r.right], ['not right', 'red', r => r.images - r.right]]
                .map(([label, name, of]) => ({label, data: shown.map(of), backgroundColor: colour(name)}))},
-    options: {scales: {x: {stacked: true}, y: axis('images', {stacked: true, ticks: {precision: 0}})}}
-  }));
+    options: {indexAxis: 'y', scales: {x: axis('images', {stacked: true, ticks: {precision: 0}}), y: {stacked: true, ...nameAxis(names)}}}
+  }), heightOf(names, 22));
   if (rows.length > shown.length) add(section, 'p', `The ${shown.length} of ${rows.length} with the smallest share right.`, 'quiet');
   const heads = add(section, 'div', null, 'heads');
   for (const text of ['', 'images', 'right', 'answered', 'wrong']) add(heads, 'span', text);
@@ -125,13 +127,14 @@ function locations() {
   }
 }
 function framesOf(location, details) {
-  const list = table(details, ['image', 'best guess', 'view', 'confidence', 'answered', 'position off', 'rotation off']);
+  const heads = ['image', 'best guess', 'view', 'confidence', 'answered'];
+  const list = table(details, hasPoses ? [...heads, 'position off', 'rotation off'] : heads);
   for (const f of figures.frames.filter(frame => frame.true_location === location)) {
     addRow(list, 'td', [
         f.path, [nameOf(f.location), f.location === f.true_location ? 'good' : 'bad'],
         [f.view, f.true_view && f.view !== f.true_view ? 'bad' : ''], percent(f.confidence),
         [f.localized ? (f.wrong ? 'yes, wrong' : 'yes') : 'no: ' + f.reasons.join(', '), f.localized && f.wrong ? 'bad' : ''],
-        length(f.translation_error_m), degrees(f.rotation_error_deg)]);
+        ...(hasPoses ? [length(f.translation_error_m), degrees(f.rotation_error_deg)] : [])]);
   }
 }
 
@@ -230,7 +233,7 @@ function trajectory() {
       options: {scales: {x: axis('xyz'[right] + ', m', scales.x), y: axis('xyz'[ahead] + ', m', scales.y)}},
       plugins: [{beforeDatasetsDraw: chart => plan && drawPlan(chart, plan)}]
     };
-  }, true);
+  });
 }
 // The ends of both axes, so that a metre is as long to the right as ahead in this frame, which is made as high as that takes.
 function equalScales(points, frame) {

@@ -41,8 +41,9 @@ const milliseconds = value => isNumber(value) ? value.toFixed(1) + ' ms' : '–'
 
 // Plots: made again whenever the colours change.
 function colour(name) { return getComputedStyle(document.documentElement).getPropertyValue('--' + name).trim(); }
-function plot(section, name, make, tall) {
-  const frame = add(section, 'div', null, tall ? 'plot tall' : 'plot');
+function plot(section, name, make, height = 300) {
+  const frame = add(section, 'div', null, 'plot');
+  frame.style.height = `${height}px`;
   const canvas = add(frame, 'canvas');
   canvas.setAttribute('role', 'img');
   canvas.setAttribute('aria-label', name);
@@ -86,6 +87,10 @@ const whiskers = of => ({afterDatasetsDraw(chart) {
 }});
 const drawAll = () => charts.forEach(entry => entry.draw());
 const axis = (text, options) => ({title: {display: true, text}, ...options});
+// For bars that lie under each other: their names, and the height that all need.
+const shortened = name => name.length > 23 ? '…' + name.slice(-22) : name;
+const nameAxis = names => ({ticks: {autoSkip: false, callback: (_, i) => shortened(names[i])}});
+const heightOf = (names, pixelsEach) => 90 + names.length * pixelsEach;
 const share = text => axis(text, {min: 0, max: 1, ticks: {callback: value => Math.round(100 * value) + ' %'}});
 const nameOf = location => location || 'no guess';
 

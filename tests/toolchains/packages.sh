@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: BSD-3-Clause
 # Installs, upgrades, removes and purges the packages of toolchains/package.sh in a
-# Debian root, and the tarballs in another folder.
+# Debian root, and the tarballs in another folder; looks into the laptop's package.
 #
 #   tests/toolchains/packages.sh
 #
@@ -83,6 +83,17 @@ walk_through() {
   if in_root getent passwd viewfix > /dev/null; then die "the user is left"; fi
 }
 
+# Of the libraries that are compiled into viewfix for its pages.
+check_licences() {
+  local deb=$1 contents library
+  contents=$(dpkg-deb -c "$deb")
+  for library in "$ROOT"/build/web/*/; do
+    [[ -d $library ]] || continue
+    expect "$(basename "$deb") has the licence of $(basename "$library")" \
+      grep -q "share/doc/viewfix/LICENSE.$(basename "$library")$" <<< "$contents"
+  done
+}
+
 check_tarball() {
   local tarball=$1 target="$WORK/target" folder
   rm -rf "$target" "$WORK/unpacked"
@@ -119,6 +130,9 @@ main() {
     esac
   done
   for deb in "$VIEWFIX_PACKAGES"/*.tar.gz; do check_tarball "$deb"; done
+  for deb in "$VIEWFIX_PACKAGES"/viewfix_*.deb; do
+    [[ ! -e $deb ]] || check_licences "$deb"
+  done
   rm -rf "$WORK"
   echo "All packages install, upgrade, and leave nothing behind."
 }

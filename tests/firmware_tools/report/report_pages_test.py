@@ -134,6 +134,9 @@ class PagesTest(unittest.TestCase):
     def test_a_phone_in_the_dark(self):
         page = self.visit(self.report, 'phone', **PHONE, dark=True)
         self.assert_plots_drawn(page)
+        named = page.evaluate("charts.find(c => c.name === 'images by location')"
+                              '.chart.scales.y.getTicks().filter(t => t.label).length')
+        self.assertEqual(named, 10, 'every location has its name beside its bar')
         self.assertEqual(page.evaluate('getComputedStyle(document.body).backgroundColor'),
                          'rgb(20, 23, 26)')
 
@@ -177,6 +180,7 @@ class PagesTest(unittest.TestCase):
             self.assertEqual(page.evaluate("document.querySelector('table').rows.length"),
                              1 + len(figures['methods']))
             self.assertIn(HOSTILE, page.evaluate("document.getElementById('matrix').innerText"))
+            self.assertIn('36 (12.6 ms)', page.evaluate('document.body.innerText'))
             self.assertEqual(page.faults, [])
 
     def test_the_report_leads_to_the_map(self):
