@@ -22,14 +22,6 @@
 namespace viewfix {
 namespace {
 
-FeatureOptions OptionsOf(const ModelFeatures& f) {
-  return {.type = static_cast<FeatureType>(f.type),
-          .max_image_side = f.max_image_side,
-          .max_features = f.max_features,
-          .upright = f.upright,
-          .threshold = f.threshold};
-}
-
 Status CheckExtractor(const ModelFeatures& model, const FeatureExtractor& extractor) {
   if (extractor.version() != model.version || extractor.descriptor_dim() != model.descriptor_dim) {
     return {StatusCode::kUnsupported,
@@ -127,6 +119,14 @@ std::uint32_t ImageReasons(const ImageView& image) {
 }
 
 }  // namespace
+
+FeatureOptions FeatureOptionsOf(const ModelFeatures& features) {
+  return {.type = static_cast<FeatureType>(features.type),
+          .max_image_side = features.max_image_side,
+          .max_features = features.max_features,
+          .upright = features.upright,
+          .threshold = features.threshold};
+}
 
 const char* ReasonName(Reason reason) {
   switch (reason) {
@@ -556,7 +556,7 @@ Localizer::~Localizer() = default;
 Result<Localizer> Localizer::Create(const ModelView& model, const LocalizerOptions& options,
                                     std::unique_ptr<FeatureExtractor> extractor) {
   if (extractor == nullptr) {
-    auto created = CreateFeatureExtractor(OptionsOf(model.features()));
+    auto created = CreateFeatureExtractor(FeatureOptionsOf(model.features()));
     if (!created.ok()) return created.status();
     extractor = std::move(*created);
   }

@@ -93,6 +93,9 @@ struct Fix {
   }
 };
 
+// How the features that a model was made of are found.
+FeatureOptions FeatureOptionsOf(const ModelFeatures& features);
+
 struct LocalizerOptions {
   // Nanoseconds of a monotonic clock, for StageTimes; null: not measured. The engine
   // itself has no clock, and no result depends on this one.

@@ -29,7 +29,7 @@ std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const 
                        {"map", title.map},
                        {"hash", std::string(hash.begin(), hash.end())}}},
                      {"floor_plan", FloorPlanUnder(figures, model)},
-                     {"failures", FailurePictures(set, FeatureOptionsOf(model), figures)},
+                     {"failures", FailurePictures(set, FeatureOptionsOf(model.features()), figures)},
                      {"figures", figures}};
   return PlotPage(EvalReportScript(), data);
 }

@@ -5,9 +5,6 @@
 
 namespace viewfix {
 
-// How the features that the model was made of are found.
-FeatureOptions FeatureOptionsOf(const ModelView& model);
-
 // The engine over a model, with the features that the model was made of; those that only the
 // laptop has (SIFT) too. Throws ToolError where the engine refuses.
 Localizer MakeModelLocalizer(const ModelView& model, const LocalizerOptions& options);

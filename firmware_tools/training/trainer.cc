@@ -8,6 +8,7 @@
 #include <set>
 #include <span>
 
+#include "engine/localizer.h"
 #include "firmware_tools/mapping/map_points.h"
 #include "firmware_tools/training/confidence.h"
 #include "firmware_tools/training/golden_queries.h"
@@ -437,11 +438,7 @@ void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vec
 
 void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& options) {
   const ModelData& frozen = base->data;
-  options.features.type = static_cast<FeatureType>(frozen.features.type);
-  options.features.max_image_side = frozen.features.max_image_side;
-  options.features.max_features = frozen.features.max_features;
-  options.features.upright = frozen.features.upright;
-  options.features.threshold = frozen.features.threshold;
+  options.features = FeatureOptionsOf(frozen.features);
   options.num_words =
       static_cast<int>(frozen.words.size()) / std::max(1, frozen.features.descriptor_dim);
   options.words_per_feature = frozen.words_per_feature;
