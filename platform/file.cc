@@ -89,13 +89,15 @@ Result<std::vector<std::uint8_t>> ReadFile(const std::string& path) {
   return bytes;
 }
 
-Status WriteFileAtomically(const std::string& path, std::span<const std::uint8_t> bytes) {
+Status WriteFileAtomically(const std::string& path, std::span<const std::uint8_t> bytes,
+                           Durability durability) {
+  const bool flushed = durability == Durability::kFlushed;
   const std::string temporary = path + ".tmp-" + std::to_string(::getpid());
   FileDescriptor fd(::open(temporary.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (fd.get() < 0) return SystemError("cannot create", path);
-  if (WriteAll(fd.get(), bytes) && ::fsync(fd.get()) == 0 && fd.Close() &&
+  if (WriteAll(fd.get(), bytes) && (!flushed || ::fsync(fd.get()) == 0) && fd.Close() &&
       std::rename(temporary.c_str(), path.c_str()) == 0) {
-    FlushFolder(path);
+    if (flushed) FlushFolder(path);
     return {};
   }
   const Status status = SystemError("cannot write", path);

@@ -18,10 +18,14 @@ inline constexpr std::size_t kMaxFileBytes = std::size_t{1} << 30;
 // kMaxFileBytes (an endless device, say).
 Result<std::vector<std::uint8_t>> ReadFile(const std::string& path);
 
+// Whether a file has to be whole after a power cut too: flushing takes milliseconds.
+enum class Durability { kFlushed, kNotFlushed };
+
 // Puts `bytes` in place of the file, or leaves what was there: written beside it under
-// another name, flushed to the disk, then renamed. A failure (kIo, with path and reason,
-// e.g. a full disk) leaves no temporary file.
-Status WriteFileAtomically(const std::string& path, std::span<const std::uint8_t> bytes);
+// another name (`path`.tmp-NUMBER), flushed to the disk, then renamed. A failure (kIo, with path
+// and reason, e.g. a full disk) leaves no temporary file.
+Status WriteFileAtomically(const std::string& path, std::span<const std::uint8_t> bytes,
+                           Durability durability = Durability::kFlushed);
 
 // `status` with the file it is about at the front of its detail.
 Status AboutFile(const std::string& path, const Status& status);

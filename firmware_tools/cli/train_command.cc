@@ -69,6 +69,10 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
                  options.floor_plan->width, options.floor_plan->height,
                  options.floor_plan->rms_metres);
   }
+  if (!flags.work.empty() || options.map.source == MapSource::kColmap) {
+    options.cache = std::make_shared<StageCache>(options.map.work_folder / "stages");
+    options.map.cache = options.cache.get();
+  }
   options.map.seed = static_cast<int>(options.seed % 1000000);
   options.map.jobs = options.jobs;
   options.model_map.jobs = options.jobs;
@@ -156,6 +160,13 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
       100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()));
 }
 
+void PrintKept(const StageCache& cache) {
+  for (const std::string& line : cache.Report()) std::fprintf(stderr, "%s\n", line.c_str());
+  if (const std::string failure = cache.failure(); !failure.empty()) {
+    std::fprintf(stderr, "warning: not all was kept for the next run: %s\n", failure.c_str());
+  }
+}
+
 bool HasMap(const ImageSet& set, MapSource source) {
   return source == MapSource::kColmap ||
          (source == MapSource::kPoses &&
@@ -178,6 +189,7 @@ void RunTrain(const TrainFlags& flags) {
     options.features.max_features = kFeaturesWithoutMap;
   }
   const Preparation prepared = Prepare(set, options, ShowProgress);
+  if (options.cache) PrintKept(*options.cache);
   PrintWarnings(set, prepared, options.jobs);
   const TrainResult result = Train(set, prepared, options, ShowProgress);
   const auto bytes = WriteModel(result.model);
@@ -191,6 +203,7 @@ void RunTrain(const TrainFlags& flags) {
                  flags.floorplan.c_str());
   }
   PrintSummary(flags, result, bytes->size());
+  if (options.cache) options.cache->RemoveUnused();
 }
 
 }  // namespace
@@ -223,7 +236,9 @@ void AddTrain(CLI::App& app) {
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
   command->add_option("--work", flags->work,
-                      "folder for COLMAP's files, kept; default: the model's name with .map");
+                      "folder that is kept: a second run, after photographs were added, takes from\n"
+                      "it what did not change; for COLMAP's files too. Default with --map colmap:\n"
+                      "the model's name with .map; else nothing is kept");
   command->add_option("--control", flags->control,
                       "CSV name,x,y,z: where on the site, in metres, some images' cameras stood");
   command->add_option("--tags", flags->tags,

@@ -19,16 +19,6 @@ namespace fs = std::filesystem;
   throw ToolError("cannot read image " + file.string() + ": " + cause);
 }
 
-std::string ReadImageFile(const fs::path& file) {
-  std::error_code error;
-  const fs::file_status status = fs::status(file, error);
-  if (!fs::exists(status)) Fail(file, "no such file");
-  if (!fs::is_regular_file(status)) Fail(file, "not a file");
-  std::string bytes = ReadTextFile(file);
-  if (bytes.empty()) Fail(file, "the file is empty");
-  return bytes;
-}
-
 // libpng writes to stderr about these, and OpenCV passes nothing on.
 bool IsCutPng(std::string_view bytes) {
   return bytes.starts_with("\x89PNG") && !bytes.substr(bytes.size() - 8).starts_with("IEND");
@@ -62,15 +52,28 @@ bool IsImageFileName(const fs::path& file) {
   return std::find(kExtensions.begin(), kExtensions.end(), extension) != kExtensions.end();
 }
 
-GreyImage LoadGreyImage(const fs::path& file, ExifInfo* exif) {
+std::string ReadImageFile(const fs::path& file) {
+  std::error_code error;
+  const fs::file_status status = fs::status(file, error);
+  if (!fs::exists(status)) Fail(file, "no such file");
+  if (!fs::is_regular_file(status)) Fail(file, "not a file");
+  std::string bytes = ReadTextFile(file);
+  if (bytes.empty()) Fail(file, "the file is empty");
+  return bytes;
+}
+
+GreyImage DecodeGreyImage(const fs::path& file, const std::string& bytes, ExifInfo* exif) {
   if (exif != nullptr) *exif = {};
-  const std::string bytes = ReadImageFile(file);
   if (!bytes.starts_with("\xFF\xD8")) return DecodeOther(file, bytes);
   GreyImage image;
   const std::span data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
   const Status status = DecodeJpeg(data, image, exif);
   if (!status.ok()) Fail(file, Describe(status));
   return image;
+}
+
+GreyImage LoadGreyImage(const fs::path& file, ExifInfo* exif) {
+  return DecodeGreyImage(file, ReadImageFile(file), exif);
 }
 
 }  // namespace viewfix

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 
 #include "firmware_tools/dataset/image_set.h"
 #include "platform/camera/jpeg_decoder.h"
@@ -17,5 +18,10 @@ bool IsImageFileName(const std::filesystem::path& file);
 // ToolError("cannot read image FILE: cause") for anything that is not a whole image.
 // `exif` is filled for JPEG only, else reset.
 GreyImage LoadGreyImage(const std::filesystem::path& file, ExifInfo* exif = nullptr);
+
+// Its two halves, for who wants the file's bytes too.
+std::string ReadImageFile(const std::filesystem::path& file);
+GreyImage DecodeGreyImage(const std::filesystem::path& file, const std::string& bytes,
+                          ExifInfo* exif = nullptr);
 
 }  // namespace viewfix

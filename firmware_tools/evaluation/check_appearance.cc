@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <algorithm>
 #include <array>
-#include <limits>
 #include <map>
+#include <string>
 
+#include "engine/matching/descriptor_matcher.h"
 #include "firmware_tools/evaluation/check_set.h"
 #include "firmware_tools/evaluation/check_text.h"
 #include "firmware_tools/evaluation/metrics.h"
@@ -23,53 +24,17 @@ constexpr float kSamePictureGram = 0.8F;  // histograms' dot product: worth matc
 constexpr std::size_t kShortestWalk = 5;  // images
 constexpr int kOwnTried = 3;              // nearest images of the own location to match with
 
-struct BestMatch {
-  int idx = -1;
-  int dot = std::numeric_limits<int>::min();
-  int second_dot = std::numeric_limits<int>::min();
-};
-
-void Offer(int idx, int dot, BestMatch& best) {
-  if (dot > best.dot) {
-    best = {idx, dot, best.dot};
-  } else {
-    best.second_dot = std::max(best.second_dot, dot);
-  }
-}
-
-int Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
-  int sum = 0;
-  for (int d = 0; d < dim; ++d) sum += a[d] * b[d];
-  return sum;
-}
-
-// Lowe's ratio test (IJCV 2004) at 0.8, on descriptors of length 127.
-bool IsDistinct(const BestMatch& match) {
-  const auto distance2 = [](int dot) { return 2.0 * 127 * 127 - 2.0 * dot; };
-  return match.second_dot == std::numeric_limits<int>::min() ||
-         distance2(match.dot) < 0.64 * distance2(match.second_dot);
-}
-
 // Share of the poorer image's features with a distinct, mutually nearest feature in the other.
+// Distinct: Lowe's ratio test (IJCV 2004).
 double MatchShare(const ImageFeatures& a, const ImageFeatures& b, int dim) {
   const int size_a = static_cast<int>(a.keypoints.size());
   const int size_b = static_cast<int>(b.keypoints.size());
-  std::vector<BestMatch> of_a(size_a);
-  std::vector<BestMatch> of_b(size_b);
-  for (int i = 0; i < size_a; ++i) {
-    for (int j = 0; j < size_b; ++j) {
-      const int dot =
-          Dot(&a.descriptors[std::size_t(i) * dim], &b.descriptors[std::size_t(j) * dim], dim);
-      Offer(j, dot, of_a[i]);
-      Offer(i, dot, of_b[j]);
-    }
-  }
-  int matches = 0;
-  for (int i = 0; i < size_a; ++i) {
-    const BestMatch& match = of_a[i];
-    if (match.idx >= 0 && of_b[match.idx].idx == i && IsDistinct(match)) ++matches;
-  }
-  return static_cast<double>(matches) / std::max(1, std::min(size_a, size_b));
+  DescriptorMatcher matcher(size_a, size_b, dim);
+  std::vector<DescriptorMatch> found(size_a);
+  const Result<int> matches =
+      matcher.Match({a.descriptors}, {b.descriptors}, {.max_ratio = 0.8F, .mutual = true}, found);
+  if (!matches.ok()) throw ToolError(std::string("matching: ") + matches.status().text());
+  return static_cast<double>(*matches) / std::max(1, std::min(size_a, size_b));
 }
 
 // The samples of a preparation, and what matching says of them.

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <map>
 #include <set>
+#include <span>
 #include <unordered_map>
 
+#include "firmware_tools/common/content_hash.h"
 #include "firmware_tools/common/logged_program.h"
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/mapping/colmap_database.h"
@@ -26,52 +28,36 @@ constexpr double kAgreePx = 3;
 constexpr int kNeighbours = 8;
 constexpr std::string_view kNoModel = "failed to create sparse model";  // COLMAP's words
 
-// FNV-1a, 64 bits: whether a kept folder was made of the same input.
-class Fingerprint {
- public:
-  template <typename T>
-  void Add(const T& value) {
-    static_assert(std::is_arithmetic_v<T>);
-    const auto* bytes = reinterpret_cast<const unsigned char*>(&value);
-    for (std::size_t i = 0; i < sizeof(T); ++i) hash_ = (hash_ ^ bytes[i]) * 1099511628211ULL;
-  }
-  void Add(const std::string& text) {
-    for (const char c : text) Add(c);
-    Add('\0');
-  }
-  std::string Text() const { return std::to_string(hash_) + "\n"; }
-
- private:
-  std::uint64_t hash_ = 14695981039346656037ULL;
-};
-
+// Whether a kept folder was made of the same input.
 std::string FingerprintOf(const MapInput& input, std::span<const VerifiedPair> pairs,
                           const ColmapOptions& options) {
-  Fingerprint fingerprint;
-  fingerprint.Add(options.seed);
-  fingerprint.Add(options.refine_focal);
+  ContentHash hash;
+  hash.Add(options.seed);
+  hash.Add(options.refine_focal);
   for (const Camera& camera : input.cameras) {
-    fingerprint.Add(static_cast<int>(camera.model));
-    for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) fingerprint.Add(v);
-    for (const double v : camera.distortion) fingerprint.Add(v);
+    hash.Add(camera.model);
+    for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) hash.Add(v);
+    hash.AddAll(std::span<const double>(camera.distortion));
   }
   for (const MapFrame& frame : input.frames) {
-    fingerprint.Add(frame.name);
-    fingerprint.Add(frame.camera_idx);
+    hash.AddText(frame.name);
+    hash.Add(frame.camera_idx);
+    hash.Add(frame.features->keypoints.size());
     for (const Keypoint& keypoint : frame.features->keypoints) {
-      fingerprint.Add(keypoint.x);
-      fingerprint.Add(keypoint.y);
+      hash.Add(keypoint.x);
+      hash.Add(keypoint.y);
     }
   }
   for (const VerifiedPair& pair : pairs) {
-    fingerprint.Add(pair.frames.first_idx);
-    fingerprint.Add(pair.frames.second_idx);
+    hash.Add(pair.frames.first_idx);
+    hash.Add(pair.frames.second_idx);
+    hash.Add(pair.matches.size());
     for (const FeatureMatch& match : pair.matches) {
-      fingerprint.Add(match.first_idx);
-      fingerprint.Add(match.second_idx);
+      hash.Add(match.first_idx);
+      hash.Add(match.second_idx);
     }
   }
-  return fingerprint.Text();
+  return Hex(hash.Result()) + "\n";
 }
 
 int CountFrames(const MapInput& input) {

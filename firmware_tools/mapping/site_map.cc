@@ -46,14 +46,14 @@ Matched MatchFrames(const MapInput& input, const Eigen::MatrixXf& similarity, bo
                     const std::function<Progress(const std::string&)>& stages) {
   TwoViewOptions two_view;
   two_view.seed = options.seed;
+  const auto verify = [&](const std::vector<FramePair>& pairs, const char* stage) {
+    return VerifyPairs(input, pairs, two_view, options.jobs, Begin(stages, stage), options.cache);
+  };
   Matched matched{SelectPairs(input, similarity), {}};
-  matched.pairs =
-      VerifyPairs(input, matched.candidates, two_view, options.jobs, Begin(stages, "matching"));
+  matched.pairs = verify(matched.candidates, "matching");
   if (known) return matched;
   const auto beside = PairsBeside(input, matched.pairs, matched.candidates);
-  std::ranges::move(
-      VerifyPairs(input, beside, two_view, options.jobs, Begin(stages, "matching loops")),
-      std::back_inserter(matched.pairs));
+  std::ranges::move(verify(beside, "matching loops"), std::back_inserter(matched.pairs));
   std::ranges::sort(matched.pairs, {}, &VerifiedPair::frames);
   std::ranges::copy(beside, std::back_inserter(matched.candidates));
   std::ranges::sort(matched.candidates);

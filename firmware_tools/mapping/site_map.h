@@ -30,6 +30,7 @@ struct SiteMapOptions {
   // the set's frame. 0: they are right as they are.
   double pose_sigma = 0;
   std::filesystem::path work_folder;  // COLMAP's, kept
+  StageCache* cache = nullptr;        // keeps what pairs of images gave; null: nothing is kept
   SiteControls controls;              // none: maps keep the frame that they come in
   int seed = 1;
   int jobs = 0;  // 0: all cores

@@ -208,6 +208,116 @@ class PairVerifier {
   std::vector<PreparedFrame> prepared_;  // [frames]
 };
 
+// Rises whenever the same frames and options would give something else, or the file below changes.
+constexpr int kKeptVersion = 1;
+
+// Of all of a frame that a pair asks for.
+Hash256 DigestOf(const MapFrame& frame, const Camera& camera) {
+  ContentHash hash;
+  for (const Keypoint& k : frame.features->keypoints) {
+    hash.Add(k.x);
+    hash.Add(k.y);
+    hash.Add(k.laplacian_sign);
+  }
+  hash.AddAll(std::span<const std::int8_t>(frame.features->descriptors));
+  hash.Add(camera.model);
+  hash.Add(camera.width);
+  hash.Add(camera.height);
+  for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) hash.Add(v);
+  hash.AddAll(std::span<const double>(camera.distortion));
+  hash.Add(frame.cam_from_world.has_value());
+  const Rigid3 pose = frame.cam_from_world.value_or(Rigid3());
+  hash.AddAll(std::span<const double>(pose.rotation.coeffs().data(), 4));
+  hash.AddAll(std::span<const double>(pose.translation.data(), 3));
+  return hash.Result();
+}
+
+Hash256 KeyOf(const Hash256& first, const Hash256& second, const TwoViewOptions& options) {
+  ContentHash key;
+  key.AddText("pair");
+  key.Add(kKeptVersion);
+  key.AddText(cv::getVersionString());  // it finds the motion
+  key.Add(options.max_ratio);
+  key.Add(options.max_error_px);
+  key.Add(options.max_error_known_px);
+  key.Add(options.min_inliers);
+  key.Add(options.seed);
+  key.AddAll(std::span<const std::uint8_t>(first));
+  key.AddAll(std::span<const std::uint8_t>(second));
+  return key.Result();
+}
+
+// Of a VerifiedPair in a file, whose frames are known.
+struct Codec {
+  const MapInput& input;
+  FramePair frames;
+
+  void Save(const VerifiedPair& pair, ByteWriter& writer) const {
+    writer.Add(pair.median_angle_deg);
+    writer.AddAll(std::span<const double>(pair.second_from_first.rotation.coeffs().data(), 4));
+    writer.AddAll(std::span<const double>(pair.second_from_first.translation.data(), 3));
+    writer.Add(std::uint64_t{pair.matches.size()});
+    for (const FeatureMatch& match : pair.matches) {
+      writer.Add(match.first_idx);
+      writer.Add(match.second_idx);
+      writer.Add(match.distance2);
+    }
+  }
+
+  bool Load(ByteReader& reader, VerifiedPair& pair) const {
+    pair.frames = frames;
+    pair.median_angle_deg = reader.Take<double>();
+    reader.TakeAll(std::span<double>(pair.second_from_first.rotation.coeffs().data(), 4));
+    reader.TakeAll(std::span<double>(pair.second_from_first.translation.data(), 3));
+    const auto count = reader.Take<std::uint64_t>();
+    if (!reader.Has(count, 3 * sizeof(int))) return false;
+    pair.matches.resize(count);
+    for (FeatureMatch& match : pair.matches) {
+      match.first_idx = reader.Take<int>();
+      match.second_idx = reader.Take<int>();
+      match.distance2 = reader.Take<std::int32_t>();
+      if (!IsKeypoint(frames.first_idx, match.first_idx) ||
+          !IsKeypoint(frames.second_idx, match.second_idx)) {
+        return false;
+      }
+    }
+    return true;
+  }
+
+ private:
+  bool IsKeypoint(int frame_idx, int idx) const {
+    return idx >= 0 &&
+           idx < static_cast<int>(input.frames[frame_idx].features->keypoints.size());
+  }
+};
+
+// PairVerifier::Verify(), or what it gave before.
+class CachedVerifier {
+ public:
+  CachedVerifier(const MapInput& input, const TwoViewOptions& options, StageCache* cache)
+      : input_(input), options_(options), verifier_(input, options), cache_(cache) {
+    if (cache_ == nullptr) return;
+    for (const MapFrame& frame : input.frames) {
+      digests_.push_back(DigestOf(frame, input.cameras[frame.camera_idx]));
+    }
+  }
+
+  VerifiedPair Verify(const FramePair& frames, Worker& worker) const {
+    const auto compute = [&] { return verifier_.Verify(frames, worker); };
+    if (cache_ == nullptr) return compute();
+    return cache_->Recall(
+        "pairs", KeyOf(digests_[frames.first_idx], digests_[frames.second_idx], options_),
+        Codec{input_, frames}, compute);
+  }
+
+ private:
+  const MapInput& input_;
+  const TwoViewOptions& options_;
+  PairVerifier verifier_;
+  StageCache* cache_;
+  std::vector<Hash256> digests_;  // [frames]; empty: nothing is kept
+};
+
 }  // namespace
 
 double EpipolarError(const Rigid3& second_from_first, const Eigen::Vector3d& first,
@@ -224,7 +334,7 @@ double EpipolarError(const Rigid3& second_from_first, const Eigen::Vector3d& fir
 
 std::vector<VerifiedPair> VerifyPairs(const MapInput& input, std::span<const FramePair> pairs,
                                       const TwoViewOptions& options, int jobs,
-                                      const Progress& progress) {
+                                      const Progress& progress, StageCache* cache) {
   std::size_t max_features = 1;
   int dim = 1;
   for (const MapFrame& frame : input.frames) {
@@ -236,7 +346,7 @@ std::vector<VerifiedPair> VerifyPairs(const MapInput& input, std::span<const Fra
   for (auto& worker : workers) {
     worker = std::make_unique<Worker>(static_cast<int>(max_features), dim);
   }
-  const PairVerifier verifier(input, options);
+  const CachedVerifier verifier(input, options, cache);
   std::vector<VerifiedPair> verified(pairs.size());
   const auto verify = [&](int i, int worker) {
     verified[i] = verifier.Verify(pairs[i], *workers[worker]);

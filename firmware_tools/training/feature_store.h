@@ -8,6 +8,7 @@
 
 #include "engine/features/feature_extractor.h"
 #include "firmware_tools/common/parallel.h"
+#include "firmware_tools/common/stage_cache.h"
 #include "firmware_tools/dataset/image_set.h"
 #include "platform/camera/jpeg_decoder.h"
 
@@ -40,7 +41,9 @@ std::unique_ptr<FeatureExtractor> MakeExtractor(const FeatureOptions& options);
 
 // Features of the images `image_idxs`, on `jobs` threads (0: all cores). An image that
 // cannot be read, or gives fewer than 16 features, becomes a Failure.
+//   cache  keeps the features of each image from run to run; null: nothing is kept
 FeatureStore ExtractFeatures(const ImageSet& set, std::span<const int> image_idxs,
-                             const FeatureOptions& options, int jobs, const Progress& progress);
+                             const FeatureOptions& options, int jobs, const Progress& progress,
+                             StageCache* cache = nullptr);
 
 }  // namespace viewfix

@@ -82,6 +82,33 @@ std::vector<std::int8_t> AllDescriptors(const FeatureStore& features) {
   return all;
 }
 
+Hash256 KeyOf(std::span<const std::int8_t> descriptors, int dim, const KMeansOptions& options) {
+  constexpr int kKeptVersion = 1;  // rises whenever the same descriptors would give other words
+  ContentHash key;
+  key.AddText("vocabulary");
+  key.Add(kKeptVersion);
+  key.Add(options.num_words);
+  key.Add(options.max_iterations);
+  key.Add(options.seed);
+  key.Add(dim);
+  key.AddAll(descriptors);
+  return key.Result();
+}
+
+// Of a vocabulary in a file.
+struct WordsCodec {
+  std::size_t bytes;
+
+  void Save(const std::vector<std::int8_t>& words, ByteWriter& writer) const {
+    writer.AddAll(std::span<const std::int8_t>(words));
+  }
+  bool Load(ByteReader& reader, std::vector<std::int8_t>& words) const {
+    words.resize(bytes);
+    reader.TakeAll(std::span<std::int8_t>(words));
+    return true;
+  }
+};
+
 std::vector<std::int8_t> WordsOf(const FeatureStore& features, const TrainOptions& options,
                                  const StageProgress& stages) {
   if (options.base) {
@@ -93,9 +120,15 @@ std::vector<std::int8_t> WordsOf(const FeatureStore& features, const TrainOption
   }
   const KMeansOptions clustering = {
       .num_words = options.num_words, .seed = options.seed, .jobs = options.jobs};
-  return ClusterDescriptors(AllDescriptors(features), features.dim, clustering,
-                            Begin(stages, "vocabulary"))
-      .words;
+  const std::vector<std::int8_t> descriptors = AllDescriptors(features);
+  const auto compute = [&] {
+    return ClusterDescriptors(descriptors, features.dim, clustering, Begin(stages, "vocabulary"))
+        .words;
+  };
+  if (!options.cache) return compute();
+  return options.cache->Recall("vocabulary", KeyOf(descriptors, features.dim, clustering),
+                               WordsCodec{std::size_t(clustering.num_words) * features.dim},
+                               compute);
 }
 
 void CheckEnough(const ImageSet& set, const Labels& labels) {
@@ -401,7 +434,8 @@ std::optional<FeatureStore> ExtractMapFeatures(const ImageSet& set, const TrainO
   }
   FeatureOptions more = options.features;
   more.max_features = options.map_features;
-  return ExtractFeatures(set, image_idxs, more, options.jobs, Begin(stages, "features of the map"));
+  return ExtractFeatures(set, image_idxs, more, options.jobs, Begin(stages, "features of the map"),
+                         options.cache.get());
 }
 
 // Whether a photograph helps, though nobody said where it was taken: a map needs no names.
@@ -460,7 +494,7 @@ void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& opti
 FeatureStore ExtractTrainingFeatures(const ImageSet& set, const TrainOptions& options,
                                      const StageProgress& stages) {
   return ExtractFeatures(set, TrainingImages(set), options.features, options.jobs,
-                         Begin(stages, "features"));
+                         Begin(stages, "features"), options.cache.get());
 }
 
 Preparation PrepareFeatures(const ImageSet& set, FeatureStore features, const TrainOptions& options,

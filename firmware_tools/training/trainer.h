@@ -44,6 +44,9 @@ struct TrainOptions {
   std::optional<FloorPlan> floor_plan;  // goes into the model as it is
   // What is to stay as it is (TakeFrozenOptions()); null: nothing.
   std::shared_ptr<const BaseModel> base;
+  // Keeps features, vocabulary and matched pairs from run to run; the model is the same with and
+  // without. Null: nothing is kept.
+  std::shared_ptr<StageCache> cache;
   std::uint64_t seed = 1;
   int jobs = 0;  // 0: all cores
 };

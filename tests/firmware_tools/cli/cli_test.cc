@@ -215,6 +215,21 @@ TEST_F(CliTest, UnlabelledPhotographsOfAWalkAreMapped) {
   EXPECT_EQ(description["training"]["map"]["maps"][0]["images"], 48);
 }
 
+TEST_F(CliTest, AFolderKeepsAMapsPairsToo) {
+  const std::string site = SiteWithPoses();
+  ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
+  const std::string kept = folder_ / "kept.vfx";
+  const std::vector<std::string> command = {"train",          site,  "--out",  kept,
+                                            "--words",        "20",  "--work", folder_ / "work",
+                                            "--max-features", "100"};
+  for (const char* count : {"pairs: 0 of ", "vocabulary: 1 of 1 kept"}) {
+    const ProgramRun run = Viewfix(command);
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_THAT(run.err, HasSubstr(count));
+    EXPECT_EQ(*ReadFile(kept), *ReadFile(Model()));
+  }
+}
+
 TEST_F(CliTest, AMapOnTheFloorPlan) {
   const std::string site = SiteWithPoses();
   const std::string control = folder_.Write(
