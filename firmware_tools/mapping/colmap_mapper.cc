@@ -214,7 +214,8 @@ double OpenLoopShare(const MapInput& input, std::span<const VerifiedPair> pairs,
   const CaptureOrder order(input);
   std::size_t asked = 0, open = 0;
   for (const VerifiedPair& pair : pairs) {
-    const auto [first, second] = pair.frames;
+    const int first = pair.frames.first_idx;
+    const int second = pair.frames.second_idx;
     if (!images[first] || !images[second]) continue;
     if (!order.AreApart(first, second, kNeighbours)) continue;
     const Rigid3 second_from_first =
