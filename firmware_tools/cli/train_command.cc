@@ -235,10 +235,11 @@ void AddTrain(CLI::App& app) {
                    "with the landmarks; 0: they stay as they are")
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
-  command->add_option("--work", flags->work,
-                      "folder that is kept: a second run, after photographs were added, takes from\n"
-                      "it what did not change; for COLMAP's files too. Default with --map colmap:\n"
-                      "the model's name with .map; else nothing is kept");
+  command->add_option(
+      "--work", flags->work,
+      "folder that is kept: a second run, after photographs were added, takes from\n"
+      "it what did not change; for COLMAP's files too. Default with --map colmap:\n"
+      "the model's name with .map; else nothing is kept");
   command->add_option("--control", flags->control,
                       "CSV name,x,y,z: where on the site, in metres, some images' cameras stood");
   command->add_option("--tags", flags->tags,

@@ -21,14 +21,12 @@ class ContentHash {
 
   // As it stands in memory.
   template <typename T>
-    requires(std::is_arithmetic_v<T> || std::is_enum_v<T>)
-  void Add(T value) {
+  requires(std::is_arithmetic_v<T> || std::is_enum_v<T>) void Add(T value) {
     Update({reinterpret_cast<const std::uint8_t*>(&value), sizeof(T)});
   }
   // With their number, so that "ab", "c" is not "a", "bc".
   template <typename T>
-    requires(std::is_arithmetic_v<T>)
-  void AddAll(std::span<const T> values) {
+  requires(std::is_arithmetic_v<T>) void AddAll(std::span<const T> values) {
     Add(std::uint64_t{values.size()});
     Update({reinterpret_cast<const std::uint8_t*>(values.data()), values.size_bytes()});
   }

@@ -21,13 +21,9 @@ namespace viewfix {
 class ByteWriter {
  public:
   template <typename T>
-    requires(std::is_arithmetic_v<T>)
-  void Add(T value) {
-    AddAll(std::span<const T>(&value, 1));
-  }
+  requires(std::is_arithmetic_v<T>) void Add(T value) { AddAll(std::span<const T>(&value, 1)); }
   template <typename T>
-    requires(std::is_arithmetic_v<T>)
-  void AddAll(std::span<const T> values) {
+  requires(std::is_arithmetic_v<T>) void AddAll(std::span<const T> values) {
     const auto* begin = reinterpret_cast<const std::uint8_t*>(values.data());
     bytes_.insert(bytes_.end(), begin, begin + values.size_bytes());
   }
@@ -44,16 +40,14 @@ class ByteReader {
   explicit ByteReader(std::span<const std::uint8_t> bytes) : bytes_(bytes) {}
 
   template <typename T>
-    requires(std::is_arithmetic_v<T>)
-  T Take() {
+  requires(std::is_arithmetic_v<T>) T Take() {
     T value{};
     TakeAll(std::span(&value, 1));
     return value;
   }
 
   template <typename T>
-    requires(std::is_arithmetic_v<T>)
-  void TakeAll(std::span<T> values) {
+  requires(std::is_arithmetic_v<T>) void TakeAll(std::span<T> values) {
     if (values.empty() || !Has(values.size(), sizeof(T))) return;
     std::memcpy(values.data(), bytes_.data(), values.size_bytes());
     bytes_ = bytes_.subspan(values.size_bytes());

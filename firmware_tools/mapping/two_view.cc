@@ -286,8 +286,7 @@ struct Codec {
 
  private:
   bool IsKeypoint(int frame_idx, int idx) const {
-    return idx >= 0 &&
-           idx < static_cast<int>(input.frames[frame_idx].features->keypoints.size());
+    return idx >= 0 && idx < static_cast<int>(input.frames[frame_idx].features->keypoints.size());
   }
 };
 
@@ -305,9 +304,9 @@ class CachedVerifier {
   VerifiedPair Verify(const FramePair& frames, Worker& worker) const {
     const auto compute = [&] { return verifier_.Verify(frames, worker); };
     if (cache_ == nullptr) return compute();
-    return cache_->Recall(
-        "pairs", KeyOf(digests_[frames.first_idx], digests_[frames.second_idx], options_),
-        Codec{input_, frames}, compute);
+    return cache_->Recall("pairs",
+                          KeyOf(digests_[frames.first_idx], digests_[frames.second_idx], options_),
+                          Codec{input_, frames}, compute);
   }
 
  private:

@@ -36,7 +36,8 @@ struct VerifiedPair {
 // agree with the given poses of both frames or, where one is not given, with an essential
 // matrix (OpenCV's USAC with MAGSAC's score). Ascending as `pairs` are; the same result
 // whatever `jobs` is (0: all cores).
-//   cache  keeps what each pair gave, or that it was refused, from run to run; null: nothing is kept
+//   cache  keeps what each pair gave, or that it was refused, from run to run; null: nothing is
+//   kept
 std::vector<VerifiedPair> VerifyPairs(const MapInput& input, std::span<const FramePair> pairs,
                                       const TwoViewOptions& options, int jobs,
                                       const Progress& progress = {}, StageCache* cache = nullptr);

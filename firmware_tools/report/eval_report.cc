@@ -22,15 +22,16 @@ Json FloorPlanUnder(const Json& figures, const ModelView& model) {
 std::string EvalReportHtml(const ReportTitle& title, const ImageSet& set, const ModelView& model,
                            const Json& figures) {
   const auto hash = model.short_hash();
-  const Json data = {{"title",
-                      {{"set", title.set},
-                       {"model", title.model},
-                       {"split", title.split},
-                       {"map", title.map},
-                       {"hash", std::string(hash.begin(), hash.end())}}},
-                     {"floor_plan", FloorPlanUnder(figures, model)},
-                     {"failures", FailurePictures(set, FeatureOptionsOf(model.features()), figures)},
-                     {"figures", figures}};
+  const Json data = {
+      {"title",
+       {{"set", title.set},
+        {"model", title.model},
+        {"split", title.split},
+        {"map", title.map},
+        {"hash", std::string(hash.begin(), hash.end())}}},
+      {"floor_plan", FloorPlanUnder(figures, model)},
+      {"failures", FailurePictures(set, FeatureOptionsOf(model.features()), figures)},
+      {"figures", figures}};
   return PlotPage(EvalReportScript(), data);
 }
 

@@ -133,10 +133,9 @@ FeatureStore ExtractFeatures(const ImageSet& set, std::span<const int> image_idx
       const std::string bytes = ReadImageFile(path);
       const auto compute = [&] { return ExtractOne(path, bytes, workers[worker]); };
       store.images[image_idx] =
-          cache == nullptr
-              ? compute()
-              : cache->Recall(stage, KeyOf(bytes, options, *workers[worker].extractor),
-                              Codec{store.dim}, compute);
+          cache == nullptr ? compute()
+                           : cache->Recall(stage, KeyOf(bytes, options, *workers[worker].extractor),
+                                           Codec{store.dim}, compute);
     } catch (const ToolError& error) {
       const std::lock_guard lock(mutex);
       store.failures.push_back({image_idx, error.what()});

@@ -219,8 +219,8 @@ TEST_F(CliTest, AFolderKeepsAMapsPairsToo) {
   const std::string site = SiteWithPoses();
   ASSERT_EQ(TrainSite(site, Model()).exit_code, 0);
   const std::string kept = folder_ / "kept.vfx";
-  const std::vector<std::string> command = {"train",          site,  "--out",  kept,
-                                            "--words",        "20",  "--work", folder_ / "work",
+  const std::vector<std::string> command = {"train",          site, "--out",  kept,
+                                            "--words",        "20", "--work", folder_ / "work",
                                             "--max-features", "100"};
   for (const char* count : {"pairs: 0 of ", "vocabulary: 1 of 1 kept"}) {
     const ProgramRun run = Viewfix(command);

@@ -167,9 +167,9 @@ TEST_F(KeptPairsTest, MatchesOfKeypointsThatAreNotThereAreComputedAgain) {
     bytes[kFirstMatch + 3] = 0x7F;
     Hash256 key;
     const std::string name = file.filename().string();
-    ASSERT_EQ(sodium_hex2bin(key.data(), key.size(), name.data(), name.size(), nullptr, nullptr,
-                             nullptr),
-              0);
+    ASSERT_EQ(
+        sodium_hex2bin(key.data(), key.size(), name.data(), name.size(), nullptr, nullptr, nullptr),
+        0);
     ContentHash sum;
     sum.AddAll(std::span<const std::uint8_t>(key));
     sum.AddAll(std::span<const std::uint8_t>(bytes).subspan(32));

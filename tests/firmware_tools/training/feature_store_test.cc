@@ -48,8 +48,13 @@ class KeptFeaturesTest : public ::testing::Test {
     }
   }
   static std::array<float, 7> Row(const Keypoint& k) {
-    return {k.x,         k.y,        k.sigma, k.cos_angle,
-            k.sin_angle, k.response, static_cast<float>(k.laplacian_sign)};
+    return {k.x,
+            k.y,
+            k.sigma,
+            k.cos_angle,
+            k.sin_angle,
+            k.response,
+            static_cast<float>(k.laplacian_sign)};
   }
   void WritePhotograph(const std::string& name, std::uint32_t seed) const {
     folder_.Write(name, EncodeJpeg(MakeTexture(160, 120, seed), 160, 120, 1));
