@@ -26,8 +26,14 @@ template <typename Kernel, typename... Args>
   Kernel::Run(args...);
 }
 
+#ifdef __clang__  // has no preferred width of vectors for one function alone
+#define VIEWFIX_AVX512 "avx512f,avx512bw,avx512dq,avx512vl"
+#else
+#define VIEWFIX_AVX512 "avx512f,avx512bw,avx512dq,avx512vl,prefer-vector-width=512"
+#endif
+
 template <typename Kernel, typename... Args>
-[[gnu::target("avx512f,avx512bw,avx512dq,avx512vl,prefer-vector-width=512"), gnu::flatten]]
+[[gnu::target(VIEWFIX_AVX512), gnu::flatten]]
 void RunWithAvx512(Args... args) {
   Kernel::Run(args...);
 }
