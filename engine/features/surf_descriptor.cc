@@ -41,92 +41,105 @@ constexpr Table<N> MakeGaussian(double sigma) {
 constexpr Table<kRegionSide> kSampleWeights = MakeGaussian<kRegionSide>(kSampleSigma);
 constexpr Table<kRegions> kRegionWeights = MakeGaussian<kRegions>(kRegionSigma);
 
-// Samples are kept in an order in which the same sample of four subregions side by side is
-// one vector: sample n of a row or column is number n % 5 of group n / 5, and groups of one
-// number lie together. Subregion r takes numbers 0..4 of group r and 0..3 of group r + 1.
-constexpr int kGroups = 5;
-constexpr int kRowStride = kRegionStep * kGroups;                   // slots of one row
-constexpr int kSlots = kRowStride * kRowStride;                     // some stay empty
-constexpr int kPaddedSlots = (kSlots + 15) / 16 * 16;               // whole vectors
-constexpr int Slot(int n) { return n % kRegionStep * kGroups + n / kRegionStep; }
+// The samples of a row are kept in an order in which the same sample of four subregions side
+// by side is one vector: sample n is number n % 5 of group n / 5, and groups of one number lie
+// together. Subregion r takes numbers 0..4 of group r and 0..3 of group r + 1.
+constexpr int Group(int n) { return n / kRegionStep; }
+constexpr int Slot(int n) { return n % kRegionStep * (Group(kSamples - 1) + 1) + Group(n); }
 
-// Gradient samples in the key point's own, turned axes.
-struct Samples {
-  std::array<float, kPaddedSlots> dx;
-  std::array<float, kPaddedSlots> dy;
-};
+// Samples from the middle of the square, by slot.
+constexpr std::array<float, kSamples> MakeColumns() {
+  std::array<float, kSamples> columns{};
+  for (int n = 0; n < kSamples; ++n) columns[Slot(n)] = static_cast<float>(n) - 0.5F * (kSamples - 1);
+  return columns;
+}
+constexpr std::array<float, kSamples> kColumns = MakeColumns();
 
-// Where the samples of one row lie.
-[[gnu::always_inline]] inline void FindMiddles(const HaarSquares& squares,
-                                               const Keypoint& keypoint, float cos_step,
-                                               float sin_step, int row,
-                                               std::array<int, kSamples>& offsets) {
-  const float v = static_cast<float>(row) - 0.5F * (kSamples - 1);
-  for (int column = 0; column < kSamples; ++column) {
-    const float u = static_cast<float>(column) - 0.5F * (kSamples - 1);
-    const float x = keypoint.x + (cos_step * u - sin_step * v);
-    const float y = keypoint.y + (sin_step * u + cos_step * v);
-    offsets[column] = squares.Offset(squares.MiddleX(x), squares.MiddleY(y));
+// dx and dy of each sample, row by row.
+template <typename T>
+using Pairs = std::array<T, 2 * kSamples * kSamples>;
+
+// Eight numbers: dx and dy for each of four samples, or of four subregions side by side. By
+// reference only, as processors without such vectors pass them in other ways.
+constexpr int kLanes = 8;
+using Floats [[gnu::vector_size(kLanes * sizeof(float))]] = float;
+using Ints [[gnu::vector_size(kLanes * sizeof(std::int32_t))]] = std::int32_t;
+
+// Where the samples lie.
+template <bool kInside>
+[[gnu::always_inline]] inline void FindOffsets(const HaarSquares& squares, const Keypoint& keypoint,
+                                               float cos_step, float sin_step,
+                                               std::array<int, kSamples * kSamples>& offsets) {
+  for (int row = 0; row < kSamples; ++row) {
+    const float v = static_cast<float>(row) - 0.5F * (kSamples - 1);
+    for (int slot = 0; slot < kSamples; ++slot) {
+      const float x = keypoint.x + (cos_step * kColumns[slot] - sin_step * v);
+      const float y = keypoint.y + (sin_step * kColumns[slot] + cos_step * v);
+      offsets[row * kSamples + slot] = squares.Offset<kInside>(x, y);
+    }
   }
 }
 
-[[gnu::always_inline]] inline void Sample(const IntegralImage& image, const Keypoint& keypoint,
-                                          Samples& samples) {
+[[gnu::always_inline]] inline void ReadSamples(const IntegralImage& image, const Keypoint& keypoint,
+                                               Pairs<std::int32_t>& pairs) {
   const HaarSquares squares(image, std::max(1, static_cast<int>(keypoint.sigma + 0.5F)));
   const float cos_step = keypoint.cos_angle * (kSpacing * keypoint.sigma);
   const float sin_step = keypoint.sin_angle * (kSpacing * keypoint.sigma);
-  std::array<std::int32_t, kPaddedSlots> dx{};
-  std::array<std::int32_t, kPaddedSlots> dy{};
-  for (int row = 0; row < kSamples; ++row) {
-    std::array<int, kSamples> offsets;
-    FindMiddles(squares, keypoint, cos_step, sin_step, row, offsets);
-    const int row_slot = Slot(row) * kRowStride;
-    for (int column = 0; column < kSamples; ++column) {
-      const HaarResponse haar = squares.At(offsets[column]);
-      dx[row_slot + Slot(column)] = haar.dx;
-      dy[row_slot + Slot(column)] = haar.dy;
-    }
+  const float reach = 0.5F * (kSamples - 1) * (std::fabs(cos_step) + std::fabs(sin_step));
+  std::array<int, kSamples * kSamples> offsets;
+  if (squares.AreInside(keypoint.x, keypoint.y, reach)) {
+    FindOffsets<true>(squares, keypoint, cos_step, sin_step, offsets);
+  } else {
+    FindOffsets<false>(squares, keypoint, cos_step, sin_step, offsets);
   }
-  for (int i = 0; i < kPaddedSlots; ++i) {
-    const auto x = static_cast<float>(dx[i]);
-    const auto y = static_cast<float>(dy[i]);
-    samples.dx[i] = keypoint.cos_angle * x + keypoint.sin_angle * y;
-    samples.dy[i] = keypoint.cos_angle * y - keypoint.sin_angle * x;
+  for (int i = 0; i < kSamples * kSamples; ++i) {
+    const HaarResponse haar = squares.At(offsets[i]);
+    pairs[2 * i] = haar.dx;
+    pairs[2 * i + 1] = haar.dy;
   }
 }
 
-// One value for each of four subregions side by side.
-using Four [[gnu::vector_size(4 * sizeof(float))]] = float;
-using FourBits [[gnu::vector_size(4 * sizeof(std::int32_t))]] = std::int32_t;
-
-[[gnu::always_inline]] inline Four Load(const float* values) {
-  Four four;
-  std::memcpy(&four, values, sizeof(four));
-  return four;
+// To the key point's own, turned axes.
+[[gnu::always_inline]] inline void Turn(const Pairs<std::int32_t>& pairs, float cos_angle,
+                                        float sin_angle, Pairs<float>& turned) {
+  const Floats sines = {sin_angle, -sin_angle, sin_angle, -sin_angle,
+                        sin_angle, -sin_angle, sin_angle, -sin_angle};
+  for (std::size_t i = 0; i < pairs.size(); i += kLanes) {
+    Ints whole;
+    std::memcpy(&whole, &pairs[i], sizeof(whole));
+    const Floats xy = __builtin_convertvector(whole, Floats);
+    const Floats yx = __builtin_shufflevector(xy, xy, 1, 0, 3, 2, 5, 4, 7, 6);
+    const Floats both = cos_angle * xy + sines * yx;
+    std::memcpy(&turned[i], &both, sizeof(both));
+  }
 }
 
-[[gnu::always_inline]] inline Four Abs(Four values) {
-  return reinterpret_cast<Four>(reinterpret_cast<FourBits>(values) & 0x7fffffff);
+// Of the subregions of one row.
+struct RegionSums {
+  Floats plain{};
+  Floats absolute{};
+};
+
+[[gnu::always_inline]] inline void AddSample(const float* sample, float weight, RegionSums& sums) {
+  Floats weighed;
+  std::memcpy(&weighed, sample, sizeof(weighed));
+  weighed *= weight;
+  sums.plain += weighed;
+  sums.absolute += reinterpret_cast<Floats>(reinterpret_cast<Ints>(weighed) & 0x7fffffff);
 }
 
-// (sum dx, sum dy, sum |dx|, sum |dy|) of the subregions of one row, sample after sample.
-[[gnu::always_inline]] inline std::array<Four, 4> SumRegions(const Samples& samples,
-                                                             int region_row) {
-  std::array<Four, 4> sums{};
+// Sample after sample, all subregions at once.
+[[gnu::always_inline]] inline void SumRegions(const Pairs<float>& samples,
+                                              std::array<RegionSums, kRegions>& sums) {
   for (int row = 0; row < kRegionSide; ++row) {
-    const int row_slot = Slot(region_row * kRegionStep + row) * kRowStride;
     for (int column = 0; column < kRegionSide; ++column) {
+      const float* const sample = &samples[2 * (row * kSamples + Slot(column))];
       const float weight = kSampleWeights[row][column];
-      const int slot = row_slot + Slot(column);
-      const Four dx = weight * Load(&samples.dx[slot]);
-      const Four dy = weight * Load(&samples.dy[slot]);
-      sums[0] += dx;
-      sums[1] += dy;
-      sums[2] += Abs(dx);
-      sums[3] += Abs(dy);
+      for (int i = 0; i < kRegions; ++i) {
+        AddSample(sample + 2 * i * kRegionStep * kSamples, weight, sums[i]);
+      }
     }
   }
-  return sums;
 }
 
 // Rounds to nearest, halves away from zero, and clips to -127..127.
@@ -138,16 +151,21 @@ std::int8_t Quantize(float value) {
 struct DescriptorKernel {
   VIEWFIX_KERNEL void Run(const IntegralImage* image, const Keypoint* keypoint,
                           std::int8_t* descriptor) {
-    Samples samples;
-    Sample(*image, *keypoint, samples);
+    Pairs<std::int32_t> pairs;
+    ReadSamples(*image, *keypoint, pairs);
+    Pairs<float> turned;
+    Turn(pairs, keypoint->cos_angle, keypoint->sin_angle, turned);
+    std::array<RegionSums, kRegions> sums;
+    SumRegions(turned, sums);
     std::array<float, kSurfDim> values;
     for (int row = 0; row < kRegions; ++row) {
-      const std::array<Four, 4> sums = SumRegions(samples, row);
       for (int column = 0; column < kRegions; ++column) {
         const float weight = kRegionWeights[row][column];
-        for (int i = 0; i < 4; ++i) {
-          values[(row * kRegions + column) * 4 + i] = sums[i][column] * weight;
-        }
+        float* const region = &values[(row * kRegions + column) * 4];
+        region[0] = sums[row].plain[2 * column] * weight;
+        region[1] = sums[row].plain[2 * column + 1] * weight;
+        region[2] = sums[row].absolute[2 * column] * weight;
+        region[3] = sums[row].absolute[2 * column + 1] * weight;
       }
     }
     float length2 = 0;

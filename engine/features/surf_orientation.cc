@@ -19,16 +19,12 @@ constexpr int kSectors = 72;  // of 5 degrees
 constexpr int kSectorsPerOctant = kSectors / 8;
 constexpr int kWindow = kSectors / 6;  // 60 degrees
 
-struct Place {
-  std::int8_t row;
-  std::int8_t column;
-};
-
-// The places within the radius, row by row, with their weights.
+// The places within the radius, row by row, with their weights; places of no weight after them.
 constexpr int kPlaces = 113;
 constexpr int kPaddedPlaces = 128;  // whole vectors
 struct Disc {
-  std::array<Place, kPlaces> places{};
+  std::array<float, kPaddedPlaces> x{};  // sigma from the key point
+  std::array<float, kPaddedPlaces> y{};
   std::array<float, kPaddedPlaces> weights{};
 };
 
@@ -39,7 +35,8 @@ constexpr Disc MakeDisc() {
     for (int column = 0; column < kSide; ++column) {
       const int r2 = (row - kRadius) * (row - kRadius) + (column - kRadius) * (column - kRadius);
       if (r2 > kRadius * kRadius) continue;
-      disc.places[i] = {static_cast<std::int8_t>(row), static_cast<std::int8_t>(column)};
+      disc.x[i] = static_cast<float>(column - kRadius);
+      disc.y[i] = static_cast<float>(row - kRadius);
       disc.weights[i++] = Gaussian(r2, kWeightSigma);
     }
   }
@@ -79,20 +76,28 @@ struct SectorSums {
   std::array<float, kSectors + kWindow> y{};
 };
 
+template <bool kInside>
+[[gnu::always_inline]] inline void FindOffsets(const HaarSquares& squares, const Keypoint& keypoint,
+                                               std::array<int, kPaddedPlaces>& offsets) {
+  for (int i = 0; i < kPaddedPlaces; ++i) {
+    offsets[i] = squares.Offset<kInside>(keypoint.x + kDisc.x[i] * keypoint.sigma,
+                                         keypoint.y + kDisc.y[i] * keypoint.sigma);
+  }
+}
+
 [[gnu::always_inline]] inline void Weigh(const IntegralImage& image, const Keypoint& keypoint,
                                          Gradients& gradients) {
   const HaarSquares squares(image, std::max(1, static_cast<int>(2 * keypoint.sigma + 0.5F)));
-  std::array<int, kSide> x;
-  std::array<int, kSide> y;
-  for (int i = 0; i < kSide; ++i) {
-    x[i] = squares.MiddleX(keypoint.x + static_cast<float>(i - kRadius) * keypoint.sigma);
-    y[i] = squares.MiddleY(keypoint.y + static_cast<float>(i - kRadius) * keypoint.sigma);
+  std::array<int, kPaddedPlaces> offsets;
+  if (squares.AreInside(keypoint.x, keypoint.y, kRadius * keypoint.sigma)) {
+    FindOffsets<true>(squares, keypoint, offsets);
+  } else {
+    FindOffsets<false>(squares, keypoint, offsets);
   }
-  std::array<std::int32_t, kPaddedPlaces> dx{};
-  std::array<std::int32_t, kPaddedPlaces> dy{};
-  for (int i = 0; i < kPlaces; ++i) {
-    const Place place = kDisc.places[i];
-    const HaarResponse haar = squares.At(squares.Offset(x[place.column], y[place.row]));
+  std::array<std::int32_t, kPaddedPlaces> dx;
+  std::array<std::int32_t, kPaddedPlaces> dy;
+  for (int i = 0; i < kPaddedPlaces; ++i) {
+    const HaarResponse haar = squares.At(offsets[i]);
     dx[i] = haar.dx;
     dy[i] = haar.dy;
   }
