@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "engine/features/fast_hessian.h"
 
+#include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -15,6 +17,7 @@ namespace {
 // octaves overlap: a blob between two of them is found in both, and comes back in
 // one of them when the image's scale changes a little.
 constexpr int kMaxLayers = 6;
+constexpr int kMinLayers = 4;
 struct Octave {
   int step;  // pixels between samples
   int layers;
@@ -32,6 +35,7 @@ constexpr std::array<Octave, kOctaveCount> kOctaves = {{
 
 constexpr int kRows = 3;               // of each layer that are held at once
 constexpr int kVector = 16;            // floats of the longest vector
+constexpr int kMargin = 112;           // column sums to the left of a row: kReach, whole vectors
 constexpr float kSigmaPerLobe = 0.4F;  // a filter of 9 pixels, lobe 3, is a Gaussian of 1.2
 constexpr float kDxyWeight2 = 0.81F;   // (0.9)^2, equation (3) of [1]
 constexpr double kMaxOffset = 1;       // samples; beyond, the quadratic does not describe the peak
@@ -162,14 +166,6 @@ Keypoint MakeKeypoint(const IntegralImage& image, const Octave& octave, int laye
 
 int SamplesAcross(int side, int step) { return (side + step - 1) / step; }
 
-// Sums of pixels down the columns of one row's filters, as differences of the integral
-// image: what is left are differences along the row. Modulo 2^32, thus exact in any order.
-struct ColumnSums {
-  std::uint32_t* wing;      // 2 lobe - 1 rows, for xx
-  std::uint32_t* outer;     // 3 lobe rows less three times the middle lobe rows, for yy
-  std::uint32_t* diagonal;  // the lobe rows above less the ones below, for xy
-};
-
 // Rows of the integral image that the filters of one row read, at x = 0.
 struct FilterRows {
   FilterRows(const IntegralImage& image, int y, int lobe)
@@ -198,32 +194,48 @@ struct FilterRows {
   const std::uint32_t* below;
 };
 
-// Responses of one row at every pixel 0..width-1.
-struct ResponseKernel {
-  VIEWFIX_KERNEL void Run(const FilterRows* rows, int lobe, int width, ColumnSums sums,
-                          float* __restrict responses) {
-    SumColumns(*rows, width, sums.wing, sums.outer, sums.diagonal);
-    Respond(rows->reach, lobe, width, sums.wing, sums.outer, sums.diagonal, responses);
+// A row of each layer.
+using LayerRows = std::array<const float*, kMaxLayers>;
+
+// Loops run over whole vectors, a few samples beyond the row's end: no rests to do one by one.
+constexpr int WholeVectors(int count) { return (count + kVector - 1) & -kVector; }
+
+// Sums of pixels down the columns of one row's filters, as differences of the integral image, so
+// that what is left are differences along the row; modulo 2^32, thus exact in any order:
+//   wing      2 lobe - 1 rows, for xx
+//   outer     3 lobe rows less three times the middle lobe rows, for yy
+//   diagonal  the lobe rows above less the ones below, for xy
+struct ColumnSumsKernel {
+  VIEWFIX_KERNEL void Run(const FilterRows* rows, int width, std::uint32_t* wing,
+                          std::uint32_t* outer, std::uint32_t* diagonal) {
+    Sum(*rows, width, wing, outer, diagonal);
   }
 
-  VIEWFIX_KERNEL void SumColumns(FilterRows rows, int width, std::uint32_t* __restrict wing,
-                                 std::uint32_t* __restrict outer,
-                                 std::uint32_t* __restrict diagonal) {
-    for (int x = -rows.reach; x <= width + rows.reach; ++x) {
+  // Parameters, as the compiler believes __restrict of many pointers of these alone.
+  VIEWFIX_KERNEL void Sum(FilterRows rows, int width, std::uint32_t* __restrict wing,
+                          std::uint32_t* __restrict outer, std::uint32_t* __restrict diagonal) {
+    const int first = -WholeVectors(rows.reach);
+    const int count = WholeVectors(width + rows.reach + 1 - first);
+    for (int i = 0; i < count; ++i) {
+      const int x = first + i;
       wing[x] = rows.wing_bottom[x] - rows.wing_top[x];
       outer[x] = rows.outer_bottom[x] - rows.outer_top[x] -
                  3 * (rows.half_bottom[x] - rows.half_top[x]);
       diagonal[x] = rows.above[x] - rows.lobe_top[x] - (rows.lobe_bottom[x] - rows.below[x]);
     }
   }
+};
 
-  VIEWFIX_KERNEL void Respond(int reach, int lobe, int width, const std::uint32_t* __restrict wing,
-                              const std::uint32_t* __restrict outer,
-                              const std::uint32_t* __restrict diagonal,
-                              float* __restrict responses) {
+// Responses of one row at every pixel 0..width-1.
+struct ResponseKernel {
+  VIEWFIX_KERNEL void Run(const std::uint32_t* wing, const std::uint32_t* outer,
+                          const std::uint32_t* diagonal, int lobe, int width, float* out) {
+    float* __restrict responses = out;
+    const int reach = (3 * lobe - 1) / 2;
     const int half = (lobe - 1) / 2;
     const float unit = UnitArea(lobe);
-    for (int x = 0; x < width; ++x) {
+    const int count = WholeVectors(width);
+    for (int x = 0; x < count; ++x) {
       const std::uint32_t xx =
           wing[x + reach + 1] - wing[x - reach] - 3 * (wing[x + half + 1] - wing[x - half]);
       const std::uint32_t yy = outer[x + lobe] - outer[x - lobe + 1];
@@ -237,37 +249,50 @@ struct ResponseKernel {
   }
 };
 
+// Every kStep-th sample.
+template <int kStep>
+struct ThinKernel {
+  VIEWFIX_KERNEL void Run(const float* dense, int columns, float* out) {
+    float* __restrict thin = out;
+    for (int i = 0; i < columns; ++i) thin[i] = dense[kStep * i];
+  }
+};
+
 [[gnu::always_inline]] inline float Greater(float a, float b) { return a > b ? a : b; }
 
-// The greatest of a sample and the ones on both sides, for columns 1..columns-2.
+// The greatest of a sample and the ones on both sides, and of that in three rows, of which this
+// is the last: for columns 1..columns-2. There is a float before each row.
 struct PeakKernel {
-  VIEWFIX_KERNEL void Run(const float* row, int columns, float* out) {
-    const float* __restrict responses = row;
-    float* __restrict peaks = out;
-    for (int x = 1; x < columns - 1; ++x) {
-      peaks[x] = Greater(Greater(responses[x - 1], responses[x]), responses[x + 1]);
+  VIEWFIX_KERNEL void Run(const float* responses, const float* before_last, const float* last,
+                          int columns, float* peaks_out, float* greatest_out) {
+    float* __restrict peaks = peaks_out;
+    float* __restrict greatest = greatest_out;
+    const int count = WholeVectors(columns);
+    for (int x = 0; x < count; ++x) {
+      const float peak = Greater(Greater(responses[x - 1], responses[x]), responses[x + 1]);
+      peaks[x] = peak;
+      greatest[x] = Greater(Greater(before_last[x], last[x]), peak);
     }
   }
 };
 
-struct GreatestKernel {
-  VIEWFIX_KERNEL void Run(const float* a, const float* b, const float* c, int columns,
-                          float* out) {
-    float* __restrict greatest = out;
-    for (int x = 0; x < columns; ++x) greatest[x] = Greater(Greater(a[x], b[x]), c[x]);
-  }
-};
-
-// Marks the samples above the threshold that no neighbour exceeds, a byte each: nearly all
-// of them are maxima.
+// Marks the samples above the threshold that no neighbour exceeds, nearly all of which are
+// maxima: bit `layer` of a byte each, of the layers between the finest and the coarsest.
+template <int kLayers>
 struct CandidateKernel {
-  VIEWFIX_KERNEL void Run(const float* values, const float* finer, const float* same,
-                          const float* coarser, float threshold, int columns, std::uint8_t* out) {
+  VIEWFIX_KERNEL void Run(const LayerRows* values, const LayerRows* greatest, float threshold,
+                          int columns, std::uint8_t* out) {
     std::uint8_t* __restrict marks = out;
-    for (int x = 0; x < columns; ++x) {
-      const float value = values[x];
-      marks[x] = static_cast<std::uint8_t>((value > threshold) & (value >= finer[x]) &
-                                           (value >= same[x]) & (value >= coarser[x]));
+    const LayerRows v = *values;
+    const LayerRows g = *greatest;
+    const int count = WholeVectors(columns);
+    for (int x = 0; x < count; ++x) {
+      std::int32_t mark = 0;
+      for (int layer = 1; layer + 1 < kLayers; ++layer) {
+        const float least = Greater(Greater(g[layer - 1][x], g[layer][x]), g[layer + 1][x]);
+        mark |= ((v[layer][x] > threshold) & (v[layer][x] >= least)) << layer;
+      }
+      marks[x] = static_cast<std::uint8_t>(mark);
     }
   }
 };
@@ -276,34 +301,46 @@ struct CandidateKernel {
 
 FastHessian::FastHessian(int max_image_side, CpuPath path)
     : path_(path),
-      stride_((max_image_side + kVector - 1) / kVector * kVector),
-      responses_(std::size_t(kOctaveCount * kMaxLayers * kRows) * std::size_t(stride_)),
+      stride_(WholeVectors(max_image_side)),
+      responses_(std::size_t(kOctaveCount * kMaxLayers * kRows * stride_ + 2 * kVector)),
       peaks_(responses_.size()),
-      peaks_of_rows_(std::size_t(kMaxLayers) * std::size_t(stride_)),
-      column_sums_(3 * std::size_t(stride_ + 2 * kReach + 2)),
-      dense_(stride_),
-      is_candidate_(stride_) {}
+      greatest_(std::size_t(kMaxLayers * stride_)),
+      column_sums_(std::size_t(3 * ColumnSumsLength())),
+      dense_(std::size_t(stride_)),
+      marks_(std::size_t(stride_)) {}
+
+int FastHessian::ColumnSumsLength() const {
+  return kMargin + WholeVectors(stride_ + kReach + 1);
+}
 
 float* FastHessian::Row(int octave, int layer, int row) {
   const int idx = (octave * kMaxLayers + layer) * kRows + row % kRows;
-  return responses_.data() + std::size_t(idx) * std::size_t(stride_);
+  return responses_.data() + kVector + idx * stride_;
 }
 
 float* FastHessian::PeakRow(int octave, int layer, int row) {
   return peaks_.data() + (Row(octave, layer, row) - responses_.data());
 }
 
+float* FastHessian::GreatestRow(int layer) { return greatest_.data() + layer * stride_; }
+
+void FastHessian::Thin(const float* dense, int step, int columns, float* responses) {
+  if (step == 2) return RunOnPath<ThinKernel<2>>(path_, dense, columns, responses);
+  if (step == 4) return RunOnPath<ThinKernel<4>>(path_, dense, columns, responses);
+  RunOnPath<ThinKernel<8>>(path_, dense, columns, responses);
+}
+
 void FastHessian::ResponseRow(const IntegralImage& image, int y, int lobe, int step, int count,
                               float* responses) {
   const FilterRows rows(image, y, lobe);
-  std::uint32_t* const wing = column_sums_.data() + kReach;
-  const int length = stride_ + 2 * kReach + 2;
-  const ColumnSums sums = {wing, wing + length, wing + 2 * length};
   const int width = (count - 1) * step + 1;
-  float* const dense = step == 1 ? responses : dense_.data();
-  RunOnPath<ResponseKernel>(path_, &rows, lobe, width, sums, dense);
-  if (step == 1) return;
-  for (int i = 0; i < count; ++i) responses[i] = dense[i * step];
+  std::uint32_t* const wing = column_sums_.data() + kMargin;
+  std::uint32_t* const outer = wing + ColumnSumsLength();
+  std::uint32_t* const diagonal = outer + ColumnSumsLength();
+  RunOnPath<ColumnSumsKernel>(path_, &rows, width, wing, outer, diagonal);
+  RunOnPath<ResponseKernel>(path_, wing, outer, diagonal, lobe, width,
+                            step == 1 ? responses : dense_.data());
+  if (step != 1) Thin(dense_.data(), step, count, responses);
 }
 
 // Octave by octave, what the one before has of a row first.
@@ -312,12 +349,15 @@ void FastHessian::FillRow(const IntegralImage& image, int octave, int row, int c
   for (int layer = 0; layer < shape.layers; ++layer) {
     float* const responses = Row(octave, layer, row);
     if (octave > 0 && layer < kSharedLayers) {
-      const float* const finer = Row(octave - 1, 2 * layer + 1, 2 * row);
-      for (int i = 0; i < columns; ++i) responses[i] = finer[2 * i];
+      Thin(Row(octave - 1, 2 * layer + 1, 2 * row), 2, columns, responses);
     } else {
       ResponseRow(image, row * shape.step, shape.lobes[layer], shape.step, columns, responses);
     }
-    RunOnPath<PeakKernel>(path_, responses, columns, PeakRow(octave, layer, row));
+  }
+  for (int layer = 0; layer < shape.layers; ++layer) {
+    RunOnPath<PeakKernel>(path_, Row(octave, layer, row), PeakRow(octave, layer, row + 1),
+                          PeakRow(octave, layer, row + 2), columns, PeakRow(octave, layer, row),
+                          GreatestRow(layer));
   }
 }
 
@@ -334,43 +374,45 @@ void FastHessian::Detect(const IntegralImage& image, float threshold, GridSelect
   }
 }
 
+// The last but one that was filled.
 void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int columns,
                             float threshold, GridSelector& selector) {
-  const int layers = kOctaves[octave].layers;
-  const auto peaks = [&](int layer) {
-    return peaks_of_rows_.data() + std::size_t(layer) * std::size_t(stride_);
-  };
-  for (int layer = 0; layer < layers; ++layer) {
-    RunOnPath<GreatestKernel>(path_, PeakRow(octave, layer, row - 1), PeakRow(octave, layer, row),
-                              PeakRow(octave, layer, row + 1), columns, peaks(layer));
+  LayerRows values;
+  LayerRows greatest;
+  for (int layer = 0; layer < kMaxLayers; ++layer) {
+    values[layer] = Row(octave, layer, row);
+    greatest[layer] = GreatestRow(layer);
   }
-  for (int layer = 1; layer + 1 < layers; ++layer) {
-    RunOnPath<CandidateKernel>(path_, Row(octave, layer, row), peaks(layer - 1), peaks(layer),
-                               peaks(layer + 1), threshold, columns, is_candidate_.data());
-    AddMaxima(image, octave, layer, row, columns, selector);
+  if (kOctaves[octave].layers == kMaxLayers) {
+    RunOnPath<CandidateKernel<kMaxLayers>>(path_, &values, &greatest, threshold, columns,
+                                           marks_.data());
+  } else {
+    RunOnPath<CandidateKernel<kMinLayers>>(path_, &values, &greatest, threshold, columns,
+                                           marks_.data());
+  }
+  for (int i = 0; i < columns; i += 8) {
+    std::uint64_t marks;
+    std::memcpy(&marks, &marks_[i], sizeof(marks));
+    for (; marks != 0; marks &= marks - 1) {
+      const int bit = std::countr_zero(marks);
+      const int column = i + bit / 8;
+      if (column < 1 || column >= columns - 1) continue;
+      AddMaximum(image, octave, bit % 8, column, row, selector);
+    }
   }
 }
 
-// Of the candidates of a row.
-void FastHessian::AddMaxima(const IntegralImage& image, int octave, int layer, int row, int columns,
-                            GridSelector& selector) {
-  if (columns < 3) return;
+// If the candidate is one.
+void FastHessian::AddMaximum(const IntegralImage& image, int octave, int layer, int column,
+                             int row, GridSelector& selector) {
   RowTriples rows;
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) rows[i][j] = Row(octave, layer + i - 1, row + j - 1);
   }
-  const std::uint8_t* const begin = is_candidate_.data();
-  const std::uint8_t* const end = begin + columns - 1;
-  const auto next = [&](const std::uint8_t* from) {  // much faster than std::find()
-    return static_cast<const std::uint8_t*>(std::memchr(from, 1, std::size_t(end - from)));
-  };
-  for (const std::uint8_t* it = next(begin + 1); it != nullptr; it = next(it + 1)) {
-    const int x = static_cast<int>(it - begin);
-    if (!IsMaximum(rows, x)) continue;
-    const std::optional<Refined> refined = Refine(Gather(rows, x));
-    if (!refined) continue;
-    selector.Add(MakeKeypoint(image, kOctaves[octave], layer, x, row, *refined));
-  }
+  if (!IsMaximum(rows, column)) return;
+  const std::optional<Refined> refined = Refine(Gather(rows, column));
+  if (!refined) return;
+  selector.Add(MakeKeypoint(image, kOctaves[octave], layer, column, row, *refined));
 }
 
 }  // namespace viewfix

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <vector>
 
+#include "engine/base/aligned_vector.h"
 #include "engine/base/cpu_path.h"
 #include "engine/features/grid_selector.h"
 #include "engine/image/integral_image.h"
@@ -33,28 +33,31 @@ class FastHessian {
   // its response the refined det times the fourth root of its sigma.
   void Detect(const IntegralImage& image, float threshold, GridSelector& selector);
 
-  // The determinant of lobe `lobe` at columns 0, step, 2 step ... of row y, one
-  // each. Public for tests.
+  // The determinant of lobe `lobe` at columns 0, step, 2 step ... of row y, `count` of them, in
+  // `responses`, which has room for whole vectors of 16. Public for tests.
   void ResponseRow(const IntegralImage& image, int y, int lobe, int step, int count,
                    float* responses);
 
  private:
+  int ColumnSumsLength() const;
   float* Row(int octave, int layer, int row);
   float* PeakRow(int octave, int layer, int row);
+  float* GreatestRow(int layer);
+  void Thin(const float* dense, int step, int columns, float* responses);
   void FillRow(const IntegralImage& image, int octave, int row, int columns);
   void SearchRow(const IntegralImage& image, int octave, int row, int columns, float threshold,
                  GridSelector& selector);
-  void AddMaxima(const IntegralImage& image, int octave, int layer, int row, int columns,
-                 GridSelector& selector);
+  void AddMaximum(const IntegralImage& image, int octave, int layer, int column, int row,
+                  GridSelector& selector);
 
   CpuPath path_;
-  int stride_;                               // floats a row, whole vectors
-  std::vector<float> responses_;             // [octave][layer][3 rows, used in turn][stride_]
-  std::vector<float> peaks_;                 // the same: the greatest of a sample and both beside
-  std::vector<float> peaks_of_rows_;         // [layer][stride_]: the greatest of three rows' peaks
-  std::vector<std::uint32_t> column_sums_;   // [3][stride_ + 2 kReach + 2]
-  std::vector<float> dense_;                 // [stride_] a row at every pixel
-  std::vector<std::uint8_t> is_candidate_;   // [stride_]
+  int stride_;                              // floats a row, whole vectors
+  AlignedVector<float> responses_;            // [octave][layer][3 rows, used in turn][stride_]
+  AlignedVector<float> peaks_;                // the same: the greatest of a sample and both beside
+  AlignedVector<float> greatest_;             // [layer][stride_]: of the peaks of three rows
+  AlignedVector<std::uint32_t> column_sums_;  // [3][ColumnSumsLength()]
+  AlignedVector<float> dense_;                // [stride_] a row at every pixel
+  AlignedVector<std::uint8_t> marks_;         // [stride_] bit of each layer with a candidate
 };
 
 }  // namespace viewfix

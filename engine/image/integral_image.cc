@@ -8,24 +8,46 @@
 namespace viewfix {
 namespace {
 
-// The pixel of 0..size-1 that mirroring at both edges, again and again if need
-// be, puts at `i`.
-int Mirror(int i, int size) {
-  const int period = 2 * size;
-  const int phase = ((i % period) + period) % period;
-  return phase < size ? phase : period - 1 - phase;
+constexpr int kVector = 16;  // values of a cache line, and of the longest vector
+
+// Left of x = 0.
+int MarginLength(int border) { return (border + kVector - 1) / kVector * kVector; }
+
+// An odd number of cache lines: rows below each other lie in different sets of the cache.
+int RowLength(int width, int border) {
+  return (MarginLength(border) + width + border + 1 + kVector - 1) / kVector * kVector | kVector;
 }
 
-void MirrorRow(const std::uint8_t* row, int width, int border, std::uint8_t* padded) {
-  if (border <= width) {  // mirrored once
-    std::reverse_copy(row, row + border, padded);
-    std::copy_n(row, width, padded + border);
-    std::reverse_copy(row + width - border, row + width, padded + border + width);
+void SumRow(const std::uint8_t* pixels, int width, const std::uint32_t* __restrict above,
+            std::uint32_t* __restrict sums) {
+  std::uint32_t row_sum = 0;
+  sums[0] = 0;
+  for (int x = 0; x < width; ++x) {
+    row_sum += pixels[x];
+    sums[x + 1] = above[x + 1] + row_sum;
+  }
+}
+
+// Sums beyond a mirror are the ones before it, turned about the sum at the mirror itself.
+void MirrorEnds(int width, int border, std::uint32_t* sums) {
+  const std::uint32_t twice = 2 * sums[width];
+  if (border > width) {  // mirrored again and again
+    for (int i = 1; i <= border; ++i) {
+      sums[-i] = 0 - sums[i];
+      sums[width + i] = twice - sums[width - i];
+    }
     return;
   }
-  for (int x = -border; x < 0; ++x) padded[x + border] = row[Mirror(x, width)];
-  std::copy_n(row, width, padded + border);
-  for (int x = width; x < width + border; ++x) padded[x + border] = row[Mirror(x, width)];
+  const std::uint32_t* __restrict inside = sums;
+  std::uint32_t* __restrict left = sums - border;
+  std::uint32_t* __restrict right = sums + width + 1;
+  for (int i = 0; i < border; ++i) left[i] = 0 - inside[border - i];
+  for (int i = 0; i < border; ++i) right[i] = twice - inside[width - 1 - i];
+}
+
+void MirrorRow(const std::uint32_t* __restrict inside, const std::uint32_t* __restrict mirror,
+               int length, std::uint32_t* __restrict outside) {
+  for (int i = 0; i < length; ++i) outside[i] = 2 * mirror[i] - inside[i];
 }
 
 }  // namespace
@@ -33,27 +55,26 @@ void MirrorRow(const std::uint8_t* row, int width, int border, std::uint8_t* pad
 IntegralImage::IntegralImage(int max_side, int border)
     : max_side_(max_side),
       border_(border),
-      sums_(std::size_t(max_side + 2 * border + 1) * (max_side + 2 * border + 1)),
-      padded_row_(max_side + 2 * border) {}
+      sums_(std::size_t(max_side + 2 * border + 1) * RowLength(max_side, border) + kVector) {}
 
 void IntegralImage::Compute(const ImageView& image) {
   assert(!image.empty() && image.width <= max_side_ && image.height <= max_side_);
   width_ = image.width;
   height_ = image.height;
-  row_length_ = width_ + 2 * border_ + 1;
-  origin_ = sums_.data() + std::ptrdiff_t(border_) * row_length_ + border_;
+  row_length_ = RowLength(width_, border_);
+  origin_ = sums_.data() + std::ptrdiff_t(border_) * row_length_ + MarginLength(border_);
 
-  std::fill_n(sums_.data(), row_length_, 0U);
-  for (int y = -border_; y < height_ + border_; ++y) {
-    MirrorRow(image.Row(Mirror(y, height_)), width_, border_, padded_row_.data());
-    const std::uint32_t* above = sums_.data() + std::ptrdiff_t(y + border_) * row_length_;
-    std::uint32_t* sums = sums_.data() + std::ptrdiff_t(y + border_ + 1) * row_length_;
-    std::uint32_t row_sum = 0;
-    sums[0] = 0;
-    for (int i = 0; i < row_length_ - 1; ++i) {
-      row_sum += padded_row_[i];
-      sums[i + 1] = above[i + 1] + row_sum;
-    }
+  const auto row = [&](int y) { return origin_ + std::ptrdiff_t(y) * row_length_; };
+  std::fill_n(row(0) - border_, width_ + 2 * border_ + 1, 0U);
+  for (int y = 0; y < height_; ++y) {
+    SumRow(image.Row(y), width_, row(y), row(y + 1));
+    MirrorEnds(width_, border_, row(y + 1));
+  }
+  for (int i = 1; i <= border_; ++i) {
+    const int length = width_ + 2 * border_ + 1;
+    MirrorRow(row(i) - border_, row(0) - border_, length, row(-i) - border_);
+    MirrorRow(row(height_ - i) - border_, row(height_) - border_, length,
+              row(height_ + i) - border_);
   }
 }
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <vector>
 
+#include "engine/base/aligned_vector.h"
 #include "engine/image/image_view.h"
 
 namespace viewfix {
@@ -32,7 +32,8 @@ class IntegralImage {
   int border() const { return border_; }
 
   // The corners (x, y), x in -border .. width + border; y in -border .. height +
-  // border.
+  // border. Loops over whole vectors of 16 may begin at the last multiple of 16 before and read
+  // to the first one after these, where values mean nothing. Each x = 0 begins a cache line.
   const std::uint32_t* Row(int y) const {
     return origin_ + static_cast<std::ptrdiff_t>(y) * row_length_;
   }
@@ -50,9 +51,8 @@ class IntegralImage {
   int width_ = 0;
   int height_ = 0;
   int row_length_ = 0;
-  std::vector<std::uint32_t> sums_;
-  std::vector<std::uint8_t> padded_row_;
-  const std::uint32_t* origin_ = nullptr;
+  AlignedVector<std::uint32_t> sums_;
+  std::uint32_t* origin_ = nullptr;  // the corner (0, 0)
 };
 
 }  // namespace viewfix
