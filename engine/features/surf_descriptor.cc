@@ -144,7 +144,7 @@ struct RegionSums {
 
 // Rounds to nearest, halves away from zero, and clips to -127..127.
 std::int8_t Quantize(float value) {
-  const float rounded = value < 0 ? value - 0.5F : value + 0.5F;
+  const float rounded = value + (value < 0 ? -0.5F : 0.5F);
   return static_cast<std::int8_t>(std::clamp(static_cast<int>(rounded), -127, 127));
 }
 
@@ -179,7 +179,8 @@ struct DescriptorKernel {
 
 void DescribeSurf(const IntegralImage& image, const Keypoint& keypoint,
                   std::span<std::int8_t, kSurfDim> descriptor, CpuPath path) {
-  RunOnPath<DescriptorKernel>(path, &image, &keypoint, descriptor.data());
+  // The corners are read one by one, and put into longer vectors at a loss.
+  RunOnPath<DescriptorKernel>(std::min(path, CpuPath::kAvx2), &image, &keypoint, descriptor.data());
 }
 
 }  // namespace viewfix

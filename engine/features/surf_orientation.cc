@@ -146,7 +146,8 @@ struct OrientationKernel {
 }  // namespace
 
 void AssignOrientation(const IntegralImage& image, Keypoint& keypoint, CpuPath path) {
-  RunOnPath<OrientationKernel>(path, &image, &keypoint);
+  // The corners are read one by one, and put into longer vectors at a loss.
+  RunOnPath<OrientationKernel>(std::min(path, CpuPath::kAvx2), &image, &keypoint);
 }
 
 }  // namespace viewfix
