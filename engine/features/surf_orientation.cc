@@ -21,7 +21,7 @@ constexpr int kWindow = kSectors / 6;  // 60 degrees
 
 // The places within the radius, row by row, with their weights; places of no weight after them.
 constexpr int kPlaces = 113;
-constexpr int kPaddedPlaces = 128;  // whole vectors
+constexpr int kPaddedPlaces = 120;  // whole vectors
 struct Disc {
   std::array<float, kPaddedPlaces> x{};  // sigma from the key point
   std::array<float, kPaddedPlaces> y{};
