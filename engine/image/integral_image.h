@@ -46,7 +46,7 @@ class IntegralImage {
   }
 
  private:
-  int max_side_;
+  [[maybe_unused]] int max_side_;  // for assertions alone
   int border_;
   int width_ = 0;
   int height_ = 0;
