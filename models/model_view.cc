@@ -393,8 +393,11 @@ Status ModelView::LoadDetails() {
               Span(d->codebook()),    list_size,  Span(d->codes()),
               d->likeness_weight()};
   const ModelDetails& m = details_;
-  const bool tables = m.parts >= 1 && dim % m.parts == 0 && m.rotation.size() == dim * dim &&
-                      m.codebook.size() == kCodesOfPart * dim && m.codes.size() == size * m.parts;
+  const std::size_t turned_dim = m.rotation.size() / dim;
+  const bool tables = m.parts >= 1 && turned_dim >= 1 && turned_dim <= dim &&
+                      m.rotation.size() == turned_dim * dim && turned_dim % m.parts == 0 &&
+                      m.codebook.size() == kCodesOfPart * turned_dim &&
+                      m.codes.size() == size * m.parts;
   if (!tables) return Corrupt("model's detail tables have wrong sizes");
   const bool weight = std::isfinite(m.likeness_weight) && m.likeness_weight >= 0;
   return weight ? Status() : Corrupt("model's weight of likeness is out of range");

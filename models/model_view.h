@@ -133,8 +133,8 @@ struct ModelLandmarks {
 struct ModelDetails {
   int size = 0;
   int parts = 0;                            // S
-  std::span<const std::int8_t> rotation;    // [dim, dim]
-  std::span<const std::int8_t> codebook;    // [parts, kCodesOfPart, dim / parts]
+  std::span<const std::int8_t> rotation;    // [turned dim, dim]
+  std::span<const std::int8_t> codebook;    // [parts, kCodesOfPart, turned dim / parts]
   std::span<const std::uint8_t> list_size;  // [locations + 1, 2 words]
   std::span<const std::uint8_t> codes;      // [size, parts]
   float likeness_weight = 0;

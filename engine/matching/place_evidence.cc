@@ -76,9 +76,10 @@ std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, std:
 
 Turner::Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path)
     : dim_(dim),
+      turned_dim_(static_cast<int>(rotation.size()) / dim),
       path_(path),
-      rows_(std::size_t((dim + kTileRows - 1) / kTileRows) * kTileRows * TileDim(dim)) {
-  for (int i = 0; i < dim; ++i) {
+      rows_(std::size_t((turned_dim_ + kTileRows - 1) / kTileRows) * kTileRows * TileDim(dim)) {
+  for (int i = 0; i < turned_dim_; ++i) {
     PackRow(rotation.subspan(std::size_t(i) * dim, dim), i % kTileRows,
             &rows_[std::size_t(i / kTileRows) * kTileRows * TileDim(dim)]);
   }
@@ -95,11 +96,11 @@ void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned)
     for (int i = 0; i < n; ++i) {
       PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
     }
-    for (int row = 0; row < dim_; row += kTileRows) {
+    for (int row = 0; row < turned_dim_; row += kTileRows) {
       DotTileFor(path_)(queries.data(), rows_.data() + std::size_t(row) * tile_dim, tile_dim,
                         sums.data());
-      RunOnPath<RoundKernel>(path_, sums.data(), n, std::min(kTileRows, dim_ - row), dim_,
-                             turned + std::size_t(begin) * dim_ + row);
+      RunOnPath<RoundKernel>(path_, sums.data(), n, std::min(kTileRows, turned_dim_ - row),
+                             turned_dim_, turned + std::size_t(begin) * turned_dim_ + row);
     }
   }
 }
@@ -107,19 +108,19 @@ void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned)
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
                              const ModelDetails& details, int num_locations, int max_features,
                              CpuPath path)
-    : dim_(dim),
-      path_(path),
+    : path_(path),
       scan_(ScanCodesFor(path)),
       block_shift_(scan_ == nullptr ? 0 : kScanBlockShift),
       details_(details),
       turner_(details.rotation, dim, path),
+      dim_(turner_.turned_dim()),
       common_(num_locations),
-      words_(words.size()),
+      words_(words.size() / dim * dim_),
       codebook_(details.codebook.size()),
       list_begin_(2 * (words.size() / dim) + 1, 0),
       location_(details.size),
       norm2_(details.size),
-      turned_(std::size_t(max_features) * dim),
+      turned_(std::size_t(max_features) * dim_),
       wide_table_(std::size_t(details.parts) * kCodesOfPart),
       table_(wide_table_.size()),
       sums_(kBlocksTogether * kScanBlock),
@@ -130,7 +131,7 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
   codes_.resize(blocks * kScanBlock * details.parts);
   if (scan_ != nullptr) half_norm2_.resize(blocks * kScanBlock);
   turner_.Turn(words, words_.data());
-  const int piece = dim / details.parts;
+  const int piece = dim_ / details.parts;
   for (int p = 0; p < details.parts; ++p) {
     for (int c = 0; c < kCodesOfPart; ++c) {
       for (int i = 0; i < piece; ++i) {

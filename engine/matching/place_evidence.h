@@ -12,17 +12,20 @@
 
 namespace viewfix {
 
-// Descriptors as the details' codes see them: rotation * descriptor / 127, rounded, cut to a byte.
+// Descriptors as the details' codes see them: rotation * descriptor / 127, rounded, cut to a byte;
+// in as many numbers as the rotation has rows.
 // Exact in integers. Allocates in the constructor only. Thread-safe.
 class Turner {
  public:
-  //   rotation [dim, dim], copied; dim in 1..128
+  //   rotation [turned dim, dim], copied; dim in 1..128
   Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path = BestCpuPath());
-  //   descriptors [n, dim], turned [n, dim]
+  int turned_dim() const { return turned_dim_; }
+  //   descriptors [n, dim], turned [n, turned dim]
   void Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned) const;
 
  private:
   int dim_;
+  int turned_dim_;
   CpuPath path_;
   std::vector<std::int16_t> rows_;  // the rotation's, in blocks of matching/dot_tile.h
 };
@@ -89,12 +92,12 @@ class PlaceEvidence {
   void CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden);
   int Vote();
 
-  int dim_;
   CpuPath path_;
   ScanCodes scan_;   // null: details are compared one by one
   int block_shift_;  // codes lie in blocks of 2^block_shift_ details, part after part
   ModelDetails details_;
   Turner turner_;
+  int dim_;                             // of what turner_ gives
   int common_;                          // stands for the common details: one behind the locations
   std::vector<std::int8_t> words_;      // [words, dim] turned
   std::vector<std::int16_t> codebook_;  // [parts, dim / parts, kCodesOfPart]: codes side by side

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <numeric>
 
 #include "engine/matching/place_evidence.h"
 #include "engine/scoring/scoring.h"
@@ -18,6 +19,7 @@ namespace {
 // Descriptors that a codebook is made of; more do not change it much.
 constexpr std::size_t kCodebookSamples = 60'000;
 constexpr double kMergeStep = 5;
+constexpr int kParts[] = {8, 6, 4};  // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
 struct Feature {
@@ -45,6 +47,7 @@ std::int32_t Distance2(const std::int8_t* a, const std::int8_t* b, int dim) {
 
 // Directions of a covariance dealt to the parts of a code so that each part has about the same
 // volume to cover: the parametric solution of [1], whose rows are the directions, part after part.
+// Where the parts do not divide the dimension, the narrowest directions are left out.
 // [1] T. Ge, K. He, Q. Ke, J. Sun, Optimized Product Quantization, CVPR 2013.
 std::vector<std::int8_t> BalancedRotation(const Eigen::MatrixXd& covariance, int parts) {
   const int dim = static_cast<int>(covariance.rows());
@@ -52,7 +55,7 @@ std::vector<std::int8_t> BalancedRotation(const Eigen::MatrixXd& covariance, int
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(covariance);
   std::vector<double> log_volume(parts, 0.0);
   std::vector<std::vector<int>> directions(parts);
-  for (int d = dim - 1; d >= 0; --d) {  // the widest first
+  for (int d = dim - 1; d >= dim - parts * piece; --d) {  // the widest first
     int best = -1;
     for (int p = 0; p < parts; ++p) {
       const bool full = static_cast<int>(directions[p].size()) == piece;
@@ -131,13 +134,19 @@ class DetailTrainer {
 
   TrainedDetails Train(const Progress& progress) {
     TrainedDetails trained;
+    const std::vector<Feature> some = SomeFeatures();
+    if (some.size() < kCodesOfPart) return trained;
     AssignWords();
-    if (!TurnDescriptors()) return trained;
-    MakeCodebook();
-    Encode(progress);
-    ListFeatures();
-    FindCommon();
     const std::vector<bool> all(source_.image_idxs.size(), true);
+    for (const int parts : PartsToTry()) {
+      parts_ = parts;
+      TurnDescriptors(some);
+      ListFeatures();
+      FindCommon();
+      if (Fits(ChooseDetails(all, options_.merge_distance + kMergeStep))) break;
+    }
+    MakeCodebook(some);
+    Encode(progress);
     for (double merge = options_.merge_distance; merge <= kMaxMergeDistance; merge += kMergeStep) {
       ModelData::DetailsData table = MakeTable(all, merge);
       if (table.codes.size() + table.list_size.size() > options_.max_bytes) continue;
@@ -156,9 +165,13 @@ class DetailTrainer {
     return source_.features.images[source_.image_idxs[sample]];
   }
   int NumFeatures(int sample) const { return static_cast<int>(Image(sample).keypoints.size()); }
-  const std::int8_t* Turned(const Feature& f) const {
-    return turned_[f.sample].data() + std::size_t(f.idx) * dim_;
+  const std::int8_t* Descriptor(const Feature& f) const {
+    return Image(f.sample).descriptors.data() + std::size_t(f.idx) * dim_;
   }
+  const std::int8_t* Turned(const Feature& f) const {
+    return turned_[f.sample].data() + std::size_t(f.idx) * TurnedDim();
+  }
+  int TurnedDim() const { return static_cast<int>(rotation_.size()) / dim_; }
   int NumSamples() const { return static_cast<int>(source_.image_idxs.size()); }
   int NumWords() const { return static_cast<int>(source_.words.size()) / dim_; }
   int WordOf(const Feature& f) const {
@@ -189,21 +202,17 @@ class DetailTrainer {
     return some;
   }
 
-  // False: too few features to make a codebook of.
-  bool TurnDescriptors() {
-    const std::vector<Feature> some = SomeFeatures();
-    if (some.size() < kCodesOfPart) return false;
+  void TurnDescriptors(const std::vector<Feature>& some) {
     Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(dim_, dim_);
     std::vector<std::int8_t> rest(dim_);
     for (const Feature& f : some) {
-      SubtractWord(Image(f.sample).descriptors.data() + std::size_t(f.idx) * dim_,
-                   source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_, rest.data());
+      SubtractWord(Descriptor(f), source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_, rest.data());
       const Eigen::VectorXd r =
           Eigen::Map<const Eigen::Matrix<std::int8_t, Eigen::Dynamic, 1>>(rest.data(), dim_)
               .cast<double>();
       covariance += r * r.transpose();
     }
-    rotation_ = BalancedRotation(covariance / static_cast<double>(some.size()), options_.parts);
+    rotation_ = BalancedRotation(covariance / static_cast<double>(some.size()), parts_);
     if (!source_.rotation.empty()) {
       rotation_.assign(source_.rotation.begin(), source_.rotation.end());
     }
@@ -211,32 +220,33 @@ class DetailTrainer {
     turned_.resize(NumSamples());
     ParallelFor(NumSamples(), options_.jobs,
                 [&](int s) { turned_[s] = TurnAll(Image(s).descriptors); });
-    return true;
   }
 
   std::vector<std::int8_t> TurnAll(std::span<const std::int8_t> descriptors) const {
-    std::vector<std::int8_t> turned(descriptors.size());
-    Turner(rotation_, dim_).Turn(descriptors, turned.data());
+    const Turner turner(rotation_, dim_);
+    std::vector<std::int8_t> turned(descriptors.size() / dim_ * turner.turned_dim());
+    turner.Turn(descriptors, turned.data());
     return turned;
   }
 
   void Rest(const Feature& f, std::int8_t* rest) const {
-    SubtractWord(Turned(f), turned_words_.data() + std::size_t(WordOf(f)) * dim_, dim_, rest);
+    SubtractWord(Turned(f), turned_words_.data() + std::size_t(WordOf(f)) * TurnedDim(),
+                 TurnedDim(), rest);
   }
 
-  void MakeCodebook() {
+  void MakeCodebook(const std::vector<Feature>& some) {
     codebook_.assign(source_.codebook.begin(), source_.codebook.end());
     if (!codebook_.empty()) return;
-    const int piece = dim_ / options_.parts;
-    std::vector<std::vector<std::int8_t>> pieces(options_.parts);
-    std::vector<std::int8_t> rest(dim_);
-    for (const Feature& f : SomeFeatures()) {
+    const int piece = TurnedDim() / parts_;
+    std::vector<std::vector<std::int8_t>> pieces(parts_);
+    std::vector<std::int8_t> rest(TurnedDim());
+    for (const Feature& f : some) {
       Rest(f, rest.data());
-      for (int p = 0; p < options_.parts; ++p) {
+      for (int p = 0; p < parts_; ++p) {
         pieces[p].insert(pieces[p].end(), rest.begin() + p * piece, rest.begin() + (p + 1) * piece);
       }
     }
-    for (int p = 0; p < options_.parts; ++p) {
+    for (int p = 0; p < parts_; ++p) {
       const KMeansOptions clustering = {.num_words = kCodesOfPart,
                                         .seed = static_cast<std::uint64_t>(p) + 1,
                                         .jobs = options_.jobs};
@@ -246,22 +256,22 @@ class DetailTrainer {
   }
 
   void Encode(const Progress& progress) {
-    const int piece = dim_ / options_.parts;
+    const int piece = TurnedDim() / parts_;
     std::vector<Vocabulary> parts;
-    for (int p = 0; p < options_.parts; ++p) {
+    for (int p = 0; p < parts_; ++p) {
       const std::size_t size = std::size_t(kCodesOfPart) * piece;
       parts.emplace_back(std::span(codebook_).subspan(p * size, size), piece);
     }
     codes_.resize(NumSamples());
     const auto encode = [&](int s) {
-      std::vector<std::int8_t> rest(dim_);
-      codes_[s].resize(std::size_t(NumFeatures(s)) * options_.parts);
+      std::vector<std::int8_t> rest(TurnedDim());
+      codes_[s].resize(std::size_t(NumFeatures(s)) * parts_);
       for (int i = 0; i < NumFeatures(s); ++i) {
         Rest({s, i}, rest.data());
-        for (int p = 0; p < options_.parts; ++p) {
+        for (int p = 0; p < parts_; ++p) {
           std::uint16_t code = 0;
           parts[p].NearestWords(std::span(rest).subspan(p * piece, piece), 1, {&code, 1});
-          codes_[s][std::size_t(i) * options_.parts + p] = static_cast<std::uint8_t>(code);
+          codes_[s][std::size_t(i) * parts_ + p] = static_cast<std::uint8_t>(code);
         }
       }
     };
@@ -269,7 +279,7 @@ class DetailTrainer {
   }
 
   void ListFeatures() {
-    lists_.resize(2 * std::size_t(NumWords()));
+    lists_.assign(2 * std::size_t(NumWords()), {});
     for (int s = 0; s < NumSamples(); ++s) {
       for (int i = 0; i < NumFeatures(s); ++i) {
         const int dark = Image(s).keypoints[i].laplacian_sign < 0 ? 1 : 0;
@@ -284,12 +294,12 @@ class DetailTrainer {
   }
 
   bool AreAlike(const Feature& a, const Feature& b, double distance2) const {
-    return Distance2(Turned(a), Turned(b), dim_) < distance2;
+    return Distance2(Turned(a), Turned(b), TurnedDim()) < distance2;
   }
 
   // Takes out of every list what many locations have, one of each kind kept aside.
   void FindCommon() {
-    common_.resize(lists_.size());
+    common_.assign(lists_.size(), {});
     ParallelFor(static_cast<int>(lists_.size()), options_.jobs, [&](int l) { TakeCommon(l); });
   }
 
@@ -347,28 +357,54 @@ class DetailTrainer {
     return kept;
   }
 
-  ModelData::DetailsData MakeTable(const std::vector<bool>& used, double merge) const {
+  // The details of the images used: those of each location, then the common ones; and how many of
+  // them are in each list.
+  struct Chosen {
+    std::vector<std::vector<Feature>> by_location;  // [locations + 1]
+    std::vector<std::uint8_t> list_size;            // [locations + 1, lists]
+  };
+
+  Chosen ChooseDetails(const std::vector<bool>& used, double merge) const {
     const std::size_t lists = lists_.size();
     std::vector<std::vector<Feature>> kept(lists);
     ParallelFor(static_cast<int>(lists), options_.jobs,
                 [&](int l) { kept[l] = Distinct(lists_[l], used, merge * merge); });
-    std::vector<std::vector<Feature>> by_location(std::size_t(source_.num_locations) + 1);
-    std::vector<std::uint8_t> list_size(by_location.size() * lists, 0);
+    Chosen chosen;
+    chosen.by_location.resize(std::size_t(source_.num_locations) + 1);
+    chosen.list_size.resize(chosen.by_location.size() * lists, 0);
     const auto add = [&](int location, std::size_t list, const Feature& f) {
-      std::uint8_t& size = list_size[location * lists + list];
+      std::uint8_t& size = chosen.list_size[location * lists + list];
       if (size == 255) return;
       ++size;
-      by_location[location].push_back(f);
+      chosen.by_location[location].push_back(f);
     };
     for (std::size_t l = 0; l < lists; ++l) {
       for (const Feature& f : kept[l]) add(source_.locations[f.sample], l, f);
       for (const Feature& f : common_[l]) add(source_.num_locations, l, f);
     }
-    ModelData::DetailsData table{options_.parts, rotation_, codebook_, std::move(list_size), {}, 0};
-    for (const std::vector<Feature>& of_location : by_location) {
+    return chosen;
+  }
+
+  std::vector<int> PartsToTry() const {
+    if (options_.parts > 0) return {options_.parts};
+    std::vector<int> parts;
+    for (const int p : kParts) parts.push_back(std::min(p, dim_));
+    return parts;
+  }
+
+  bool Fits(const Chosen& chosen) const {
+    const std::size_t size =
+        std::accumulate(chosen.list_size.begin(), chosen.list_size.end(), std::size_t{0});
+    return size * parts_ + chosen.list_size.size() <= options_.max_bytes;
+  }
+
+  ModelData::DetailsData MakeTable(const std::vector<bool>& used, double merge) const {
+    Chosen chosen = ChooseDetails(used, merge);
+    ModelData::DetailsData table{parts_, rotation_, codebook_, std::move(chosen.list_size), {}, 0};
+    for (const std::vector<Feature>& of_location : chosen.by_location) {
       for (const Feature& f : of_location) {
-        const auto code = codes_[f.sample].begin() + std::size_t(f.idx) * options_.parts;
-        table.codes.insert(table.codes.end(), code, code + options_.parts);
+        const auto code = codes_[f.sample].begin() + std::size_t(f.idx) * parts_;
+        table.codes.insert(table.codes.end(), code, code + parts_);
       }
     }
     return table;
@@ -436,10 +472,11 @@ class DetailTrainer {
   const DetailSource& source_;
   const DetailOptions& options_;
   int dim_;
+  int parts_ = 0;                                  // bytes of a code
   std::vector<std::vector<std::uint16_t>> words_;  // [samples][features, words_per_feature]
-  std::vector<std::int8_t> rotation_;              // [dim, dim]
-  std::vector<std::int8_t> turned_words_;          // [words, dim]
-  std::vector<std::vector<std::int8_t>> turned_;   // [samples][features, dim]
+  std::vector<std::int8_t> rotation_;              // [turned dim, dim]
+  std::vector<std::int8_t> turned_words_;          // [words, turned dim]
+  std::vector<std::vector<std::int8_t>> turned_;   // [samples][features, turned dim]
   std::vector<std::int8_t> codebook_;
   std::vector<std::vector<std::uint8_t>> codes_;  // [samples][features, parts]
   std::vector<std::vector<Feature>> lists_;       // [2 words] by location, without common ones
@@ -451,7 +488,7 @@ class DetailTrainer {
 TrainedDetails TrainDetails(const DetailSource& source, const DetailOptions& options,
                             const Progress& progress) {
   const int dim = source.features.dim;
-  if (options.max_bytes == 0 || options.parts > dim || dim % options.parts != 0) return {};
+  if (options.max_bytes == 0 || options.parts > dim) return {};
   return DetailTrainer(source, options).Train(progress);
 }
 

@@ -24,10 +24,11 @@ struct DetailOptions {
   // training split: 767 000 details become 678 000, with as many frames right.
   double common_distance = 35;
   int common_locations = 4;
-  // Bytes a descriptor; where they do not divide its dimension, there are no details. The same
-  // frames, area right: whole descriptors 90.0 %, 16 bytes the same, 8 bytes 89.5 (89.4 without
-  // turning descriptors first).
-  int parts = 8;
+  // Bytes of a code; 0: the most of 8, 6 and 4 with which the details fit their room without being
+  // merged more than a step further, since shorter codes then cost less. The same frames, area
+  // right: whole descriptors 90.0 %, 16 bytes the same, 8 bytes 89.5 (89.4 without turning
+  // descriptors first).
+  int parts = 0;
   // Frames held out at a time: each folds-th of a location.
   int folds = 5;
   // Share of the answers that may be wrong, by held-out frames. These lie farther from the images

@@ -504,6 +504,16 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"no_codebook", [](ModelData& d) { d.details.codebook.clear(); }},
         Broken{"no_rotation", [](ModelData& d) { d.details.rotation.clear(); }},
         Broken{"rotation_short", [](ModelData& d) { d.details.rotation.pop_back(); }},
+        Broken{"rotation_of_fewer_directions",
+               [](ModelData& d) {
+                 d.details.rotation.resize(d.details.rotation.size() -
+                                           std::size_t{8} * d.features.descriptor_dim);
+               }},
+        Broken{"rotation_of_more_directions",
+               [](ModelData& d) {
+                 d.details.rotation.resize(std::size_t{72} * d.features.descriptor_dim);
+                 d.details.codebook.resize(std::size_t{72} * kCodesOfPart);
+               }},
         Broken{"no_lists", [](ModelData& d) { d.details.list_size.clear(); }},
         Broken{"list_missing", [](ModelData& d) { d.details.list_size.pop_back(); }},
         Broken{"list_too_long", [](ModelData& d) { d.details.list_size[1] = 255; }},
@@ -513,6 +523,15 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"codes_short", [](ModelData& d) { d.details.codes.pop_back(); }},
         Broken{"codes_of_nothing", [](ModelData& d) { d.details.codes.push_back(0); }}),
     [](const auto& param) { return param.param.name; });
+
+TEST(ModelView, DetailsMayLeaveDirectionsOut) {
+  ModelData data = TinyModelData();
+  AddTinyDetails(data);
+  ASSERT_EQ(data.features.descriptor_dim, 64);
+  data.details.rotation.resize(std::size_t{56} * 64);
+  data.details.codebook.resize(std::size_t{56} * kCodesOfPart);
+  EXPECT_TRUE(WriteModel(data).ok());
+}
 
 TEST(ModelView, LandmarksOfKeyframesWithoutAMapAreRefused) {
   ModelData data = TinyModelData();

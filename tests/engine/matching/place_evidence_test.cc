@@ -137,19 +137,41 @@ class LongLists {
   }
 
   std::vector<float> Evidence(CpuPath path, int hidden) const {
-    const ModelDetails details = {details_, kParts, rotation_, codebook_, list_size_, codes_, 0};
-    PlaceEvidence evidence(words_, kDim, details, kLocations, kQueries, path);
-    std::vector<Keypoint> keypoints(kQueries);
-    std::vector<std::uint16_t> words;
-    for (int q = 0; q < kQueries; ++q) {
-      keypoints[q].laplacian_sign = q % 2 == 0 ? 1 : -1;
-      words.insert(words.end(), {std::uint16_t(q / 2 % 2), std::uint16_t(1 - q / 2 % 2)});
-    }
-    evidence.Weigh(queries_, keypoints, words, 2, hidden);
-    return {evidence.evidence().begin(), evidence.evidence().end()};
+    return Evidence(words_, queries_, rotation_, hidden, path);
+  }
+
+  // The same descriptors followed by numbers that the rotation leaves out.
+  std::vector<float> EvidenceAmongMore(CpuPath path) const {
+    constexpr int kMore = kDim + 6;
+    const auto followed = [](const std::vector<std::int8_t>& rows, std::int8_t by) {
+      std::vector<std::int8_t> longer;
+      for (auto row = rows.begin(); row != rows.end(); row += kDim) {
+        longer.insert(longer.end(), row, row + kDim);
+        longer.insert(longer.end(), kMore - kDim, by);
+      }
+      return longer;
+    };
+    return Evidence(followed(words_, 90), followed(queries_, -90), followed(rotation_, 0), -1, path);
   }
 
  private:
+  std::vector<float> Evidence(const std::vector<std::int8_t>& words,
+                              const std::vector<std::int8_t>& queries,
+                              const std::vector<std::int8_t>& rotation, int hidden,
+                              CpuPath path) const {
+    const ModelDetails details = {details_, kParts, rotation, codebook_, list_size_, codes_, 0};
+    const int dim = static_cast<int>(words.size()) / kWords;
+    PlaceEvidence evidence(words, dim, details, kLocations, kQueries, path);
+    std::vector<Keypoint> keypoints(kQueries);
+    std::vector<std::uint16_t> nearest;
+    for (int q = 0; q < kQueries; ++q) {
+      keypoints[q].laplacian_sign = q % 2 == 0 ? 1 : -1;
+      nearest.insert(nearest.end(), {std::uint16_t(q / 2 % 2), std::uint16_t(1 - q / 2 % 2)});
+    }
+    evidence.Weigh(queries, keypoints, nearest, 2, hidden);
+    return {evidence.evidence().begin(), evidence.evidence().end()};
+  }
+
   std::vector<std::int8_t> Bytes(int count, int limit) {
     std::vector<std::int8_t> bytes;
     for (int i = 0; i < count; ++i) {
@@ -186,6 +208,14 @@ TEST(PlaceEvidence, IsTheSameOnEveryPath) {
       }
     }
   }
+}
+
+// Turned descriptors may be shorter: the numbers that no row of the rotation looks at do not count.
+TEST(PlaceEvidence, IsThatOfTheDirectionsKept) {
+  const LongLists site(12);
+  const std::vector<float> whole = site.Evidence(BestCpuPath(), -1);
+  EXPECT_GT(*std::max_element(whole.begin(), whole.end()), 0);
+  for (const CpuPath path : CpuPathsHere()) EXPECT_EQ(site.EvidenceAmongMore(path), whole);
 }
 
 // A query that is the detail `d` itself.

@@ -107,8 +107,36 @@ TEST_F(DetailsTest, FitsItsRoom) {
   const std::size_t bytes = 1500;
   const TrainedDetails details = Train({.max_bytes = bytes, .merge_distance = 0});
   EXPECT_GT(SizeOf(details), 0U);
-  EXPECT_LE(SizeOf(details) * 8, bytes);
+  EXPECT_LE(details.table.codes.size(), bytes);
   EXPECT_TRUE(Train({.max_bytes = 0}).table.codes.empty());
+}
+
+TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
+  for (const int parts : {1, 6, 7, 16}) {
+    const TrainedDetails details = Train({.parts = parts});
+    const int turned_dim = kDim / parts * parts;
+    EXPECT_EQ(details.table.rotation.size(), std::size_t(turned_dim) * kDim);
+    EXPECT_EQ(details.table.codebook.size(), std::size_t{256} * turned_dim);
+    EXPECT_EQ(details.table.codes.size(), SizeOf(details) * parts);
+    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(),
+                            [](const Outcome& o) { return o.right; }))
+        << parts;
+  }
+  EXPECT_TRUE(Train({.parts = kDim + 1}).table.codes.empty());
+}
+
+TEST_F(DetailsTest, ShortensCodesRatherThanMergeFarther) {
+  const std::size_t unmerged = std::size_t{kLocations} * kImages * kFeatures;
+  const std::size_t lists = std::size_t{kLocations + 1} * 2 * 4;
+  for (const int parts : {8, 6, 4}) {
+    const TrainedDetails details =
+        Train({.max_bytes = unmerged * parts + lists, .merge_distance = 0});
+    EXPECT_EQ(details.table.parts, parts);
+    EXPECT_EQ(SizeOf(details), unmerged);
+  }
+  const TrainedDetails merged = Train({.max_bytes = unmerged * 2, .merge_distance = 0});
+  EXPECT_EQ(merged.table.parts, 4);
+  EXPECT_LT(SizeOf(merged), unmerged);
 }
 
 TEST_F(DetailsTest, ThreadsDoNotChangeThem) {
