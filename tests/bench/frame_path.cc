@@ -37,7 +37,7 @@ class Frame {
       : model_(model),
         path_(path),
         shrink_(model.features().max_image_side, path),
-        surf_(FeatureOptionsOf(model), path),
+        surf_(FeatureOptionsOf(model.features()), path),
         features_(model.features().max_features, kSurfDim),
         vocabulary_(model.vocabulary().words, model.vocabulary().dim, path),
         words_(std::size_t(model.features().max_features) * model.vocabulary().words_per_feature),
