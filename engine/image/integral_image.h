@@ -11,7 +11,8 @@ namespace viewfix {
 // Sums of all pixels above and to the left, so that the sum over any rectangle
 // takes four reads (F. Crow, Summed-area tables, SIGGRAPH 1984). The image is
 // continued on all sides by `border` pixels, mirrored at its edges (c b a | a b
-// c), so that filters can be placed on every pixel.
+// c), so that filters can be placed on every pixel. Sums are counted from the image's own upper left
+// corner, and go below zero beyond it.
 //
 // Corners, not pixels, have the coordinates: corner (x, y) is the upper left
 // corner of pixel (x, y), at (x - 0.5, y - 0.5) where pixel centres are at
