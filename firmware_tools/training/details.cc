@@ -19,7 +19,7 @@ namespace {
 // Descriptors that a codebook is made of; more do not change it much.
 constexpr std::size_t kCodebookSamples = 60'000;
 constexpr double kMergeStep = 5;
-constexpr double kMergeBeforeShorter = 2 * kMergeStep;  // further, and codes are shortened instead
+constexpr double kMergeBeforeShorter = 3 * kMergeStep;  // further, and codes are shortened instead
 constexpr int kParts[] = {8, 6, 4};  // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 

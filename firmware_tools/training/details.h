@@ -25,7 +25,7 @@ struct DetailOptions {
   double common_distance = 35;
   int common_locations = 4;
   // Bytes of a code; 0: the most of 8, 6 and 4 with which the details fit their room without being
-  // merged more than two steps further, since shorter codes then cost less. The same frames, area
+  // merged more than three steps further, since shorter codes then cost less. The same frames, area
   // right: whole descriptors 90.0 %, 16 bytes the same, 8 bytes 89.5 (89.4 without turning
   // descriptors first).
   int parts = 0;

@@ -126,17 +126,14 @@ TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
 }
 
 TEST_F(DetailsTest, ShortensCodesRatherThanMergeFarther) {
-  const std::size_t unmerged = std::size_t{kLocations} * kImages * kFeatures;
-  const std::size_t lists = std::size_t{kLocations + 1} * 2 * 4;
-  for (const int parts : {8, 6, 4}) {
-    const TrainedDetails details =
-        Train({.max_bytes = unmerged * parts + lists, .merge_distance = 0});
-    EXPECT_EQ(details.table.parts, parts);
-    EXPECT_EQ(SizeOf(details), unmerged);
-  }
-  const TrainedDetails merged = Train({.max_bytes = unmerged * 2, .merge_distance = 0});
-  EXPECT_EQ(merged.table.parts, 4);
-  EXPECT_LT(SizeOf(merged), unmerged);
+  const auto room = [&](int parts) {  // for what is left if details are merged three steps further
+    const TrainedDetails details = Train({.merge_distance = 15, .parts = parts});
+    return details.table.codes.size() + details.table.list_size.size();
+  };
+  EXPECT_EQ(Train({.max_bytes = room(8), .merge_distance = 0}).table.parts, 8);
+  EXPECT_EQ(Train({.max_bytes = room(8) - 1, .merge_distance = 0}).table.parts, 6);
+  EXPECT_EQ(Train({.max_bytes = room(6) - 1, .merge_distance = 0}).table.parts, 4);
+  EXPECT_EQ(Train({.max_bytes = room(6) / 2, .merge_distance = 0}).table.parts, 4);
 }
 
 TEST_F(DetailsTest, ThreadsDoNotChangeThem) {
