@@ -290,7 +290,9 @@ struct CandidateKernel {
       std::int32_t mark = 0;
       for (int layer = 1; layer + 1 < kLayers; ++layer) {
         const float least = Greater(Greater(g[layer - 1][x], g[layer][x]), g[layer + 1][x]);
-        mark |= ((v[layer][x] > threshold) & (v[layer][x] >= least)) << layer;
+        const int is_above = v[layer][x] > threshold ? 1 : 0;
+        const int is_greatest = v[layer][x] >= least ? 1 : 0;
+        mark |= (is_above & is_greatest) << layer;
       }
       marks[x] = static_cast<std::uint8_t>(mark);
     }
