@@ -38,6 +38,11 @@ Status CheckImage(const ImageView& image) {
       std::int64_t{image.width} * image.height > kMaxImagePixels) {
     return {StatusCode::kInvalidArgument, "image is too large"};
   }
+  const ChromaView& chroma = image.chroma;
+  if (!chroma.empty() && (chroma.width > kMaxImageSide || chroma.height > kMaxImageSide ||
+                          chroma.row_bytes < chroma.width)) {
+    return {StatusCode::kInvalidArgument, "chroma has no size that fits"};
+  }
   return {};
 }
 

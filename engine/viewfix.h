@@ -2,7 +2,7 @@
 #ifndef VIEWFIX_ENGINE_VIEWFIX_H_
 #define VIEWFIX_ENGINE_VIEWFIX_H_
 
-/* The C interface of the localization engine: where was this grey image taken?
+/* The C interface of the localization engine: where was this image taken?
  *
  * The engine opens no file, starts no thread, reads no clock and prints nothing: the caller
  * brings the model's bytes and the pixels. viewfix_open() checks and allocates everything,
@@ -34,7 +34,7 @@ enum {
   VIEWFIX_UNKNOWN_PLACE = 1 << 1,
   VIEWFIX_AMBIGUOUS = 1 << 2,
   VIEWFIX_LOW_INLIERS = 1 << 3,
-  VIEWFIX_BLURRED = 1 << 4,    /* of the image: what may have kept it from being localized */
+  VIEWFIX_BLURRED = 1 << 4, /* of the image: what may have kept it from being localized */
   VIEWFIX_DARK = 1 << 5,
   VIEWFIX_OVEREXPOSED = 1 << 6
 };
@@ -57,15 +57,15 @@ typedef struct viewfix_fix {
   int32_t keyframe_has_pose; /* 1: keyframe_pose holds its pose */
   float keyframe_pose[7];    /* world_from_cam: tx ty tz, qx qy qz qw; camera x right, y down, z
                                 forward; metres if the model is metric, else its own unit */
-  int32_t pose_valid;  /* 1: a pose of this very image was computed; the rest holds it */
-  int32_t pose_map;    /* maps of one model have frames of reference of their own */
-  double pose[7];      /* as keyframe_pose */
-  float covariance[21]; /* upper triangle, row by row, of [t; left rotation vector, radians] */
-  int32_t inliers;     /* landmarks that agree with the pose */
-  int32_t level;       /* parts of the location's name that are certain and said: 1 of "floor10"
-                          where "floor10/lobby" and "floor10/lift" look alike; 0: not localized */
-  int32_t num_rivals;  /* locations that it may be as well, best first; where it is ambiguous,
-                          the best guess of all is the first */
+  int32_t pose_valid;        /* 1: a pose of this very image was computed; the rest holds it */
+  int32_t pose_map;          /* maps of one model have frames of reference of their own */
+  double pose[7];            /* as keyframe_pose */
+  float covariance[21];      /* upper triangle, row by row, of [t; left rotation vector, radians] */
+  int32_t inliers;           /* landmarks that agree with the pose */
+  int32_t level;      /* parts of the location's name that are certain and said: 1 of "floor10"
+                         where "floor10/lobby" and "floor10/lift" look alike; 0: not localized */
+  int32_t num_rivals; /* locations that it may be as well, best first; where it is ambiguous,
+                         the best guess of all is the first */
   const char* rivals[5];
 } viewfix_fix;
 
@@ -91,6 +91,26 @@ viewfix_status viewfix_open(const void* bytes, size_t size, viewfix_localizer** 
  * rest of *fix is as it was. */
 viewfix_status viewfix_localize(viewfix_localizer* localizer, const uint8_t* pixels, int32_t width,
                                 int32_t height, size_t row_bytes, viewfix_fix* fix);
+
+/* An image with its colours, as cameras and JPEG have them: Y, Cb and Cr of BT.601 in full range
+ * (neutral chroma is 128). Models that were trained with colours (those of places without a map)
+ * know places better by them; others take no notice. */
+typedef struct viewfix_image {
+  size_t size;      /* in: sizeof(viewfix_image); fields are only ever added, at the end */
+  const uint8_t* y; /* width x height bytes, rows row_bytes apart */
+  int32_t width;
+  int32_t height;
+  size_t row_bytes;
+  const uint8_t* cb; /* null, both: the colours are not known */
+  const uint8_t* cr;
+  int32_t chroma_width; /* of both planes, which cover the whole image: half of its mostly */
+  int32_t chroma_height;
+  size_t chroma_row_bytes;
+} viewfix_image;
+
+/* The same as viewfix_localize(). */
+viewfix_status viewfix_localize_image(viewfix_localizer* localizer, const viewfix_image* image,
+                                      viewfix_fix* fix);
 
 /* Null is allowed. */
 void viewfix_free(viewfix_localizer* localizer);

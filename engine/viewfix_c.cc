@@ -199,12 +199,26 @@ viewfix_status viewfix_open(const void* bytes, size_t size, viewfix_localizer** 
 
 viewfix_status viewfix_localize(viewfix_localizer* localizer, const uint8_t* pixels, int32_t width,
                                 int32_t height, size_t row_bytes, viewfix_fix* fix) {
-  if (localizer == nullptr || fix == nullptr || fix->size < viewfix::kLeastFixSize ||
-      row_bytes > std::numeric_limits<std::ptrdiff_t>::max()) {
+  const viewfix_image image = {sizeof image, pixels,  width, height, row_bytes,
+                               nullptr,      nullptr, 0,     0,      0};
+  return viewfix_localize_image(localizer, &image, fix);
+}
+
+viewfix_status viewfix_localize_image(viewfix_localizer* localizer, const viewfix_image* image,
+                                      viewfix_fix* fix) {
+  constexpr std::size_t kMaxRowBytes = std::numeric_limits<std::ptrdiff_t>::max();
+  if (localizer == nullptr || image == nullptr || fix == nullptr ||
+      image->size < sizeof(viewfix_image) || fix->size < viewfix::kLeastFixSize ||
+      image->row_bytes > kMaxRowBytes || image->chroma_row_bytes > kMaxRowBytes) {
     return VIEWFIX_INVALID_ARGUMENT;
   }
-  const viewfix::ImageView image = {pixels, width, height, static_cast<std::ptrdiff_t>(row_bytes)};
-  const viewfix::Result<viewfix::Fix> found = localizer->localizer.Localize(image);
+  const viewfix::ImageView view = {image->y,
+                                   image->width,
+                                   image->height,
+                                   static_cast<std::ptrdiff_t>(image->row_bytes),
+                                   {image->cb, image->cr, image->chroma_width, image->chroma_height,
+                                    static_cast<std::ptrdiff_t>(image->chroma_row_bytes)}};
+  const viewfix::Result<viewfix::Fix> found = localizer->localizer.Localize(view);
   if (!found.ok()) return viewfix::ToC(found.status());
   viewfix_fix answer = viewfix::ToC(*localizer, *found);
   answer.size = fix->size;

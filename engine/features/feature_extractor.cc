@@ -7,8 +7,20 @@
 
 namespace viewfix {
 
+const char* FeatureTypeName(FeatureType type) {
+  switch (type) {
+    case FeatureType::kSurf:
+      return "surf";
+    case FeatureType::kSift:
+      return "sift";
+    case FeatureType::kColorSurf:
+      return "color-surf";
+  }
+  return "unknown";
+}
+
 Status FeatureOptions::Validate() const {
-  if (type != FeatureType::kSurf && type != FeatureType::kSift) {
+  if (type != FeatureType::kSurf && type != FeatureType::kSift && type != FeatureType::kColorSurf) {
     return Status(StatusCode::kInvalidArgument, "unknown feature type");
   }
   if (max_image_side < 64 || max_image_side > 4096) {
@@ -42,7 +54,7 @@ Result<std::unique_ptr<FeatureExtractor>> CreateFeatureExtractor(const FeatureOp
   const Status status = options.Validate();
   if (!status.ok()) return status;
 #ifdef VIEWFIX_HAVE_SURF
-  if (options.type == FeatureType::kSurf) {
+  if (options.type == FeatureType::kSurf || options.type == FeatureType::kColorSurf) {
     return std::unique_ptr<FeatureExtractor>(std::make_unique<Surf>(options));
   }
 #endif

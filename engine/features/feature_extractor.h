@@ -12,7 +12,14 @@
 namespace viewfix {
 
 // Values are stored in models: do not change them.
-enum class FeatureType : std::uint8_t { kSurf = 1, kSift = 2 };
+enum class FeatureType : std::uint8_t {
+  kSurf = 1,
+  kSift = 2,
+  kColorSurf = 3,  // SURF and, behind it, how colours differ within its square
+};
+
+// "surf", "sift", "color-surf": as users say it; "unknown" of other values.
+const char* FeatureTypeName(FeatureType type);
 
 // How features are found. Stored in the model, so that laptop and board do the
 // same.
@@ -44,7 +51,7 @@ struct Keypoint {
 };
 
 // Key points and their descriptors, of a capacity fixed when made. Descriptor i
-// is `dim` signed bytes, of Euclidean length about 127 before rounding.
+// is `dim` signed bytes, of Euclidean length about 127 before rounding (chroma comes on top).
 class FeatureSet {
  public:
   FeatureSet(int capacity, int dim)

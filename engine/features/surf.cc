@@ -11,9 +11,11 @@ Surf::Surf(const FeatureOptions& options, CpuPath path)
       path_(path),
       integral_(options.max_image_side, FastHessian::kReach),
       detector_(options.max_image_side, path),
-      selector_(options.max_image_side, options.max_features) {}
+      selector_(options.max_image_side, options.max_features) {
+  if (options.type == FeatureType::kColorSurf) chroma_.emplace(options.max_image_side, path);
+}
 
-int Surf::descriptor_dim() const { return kSurfDim; }
+int Surf::descriptor_dim() const { return kSurfDim + (chroma_ ? kChromaDim : 0); }
 
 Status Surf::Extract(const ImageView& image, FeatureSet& features) {
   const Status status = CheckExtractArguments(*this, options_, image, features);
@@ -23,10 +25,13 @@ Status Surf::Extract(const ImageView& image, FeatureSet& features) {
   selector_.Start(image.width, image.height);
   detector_.Detect(integral_, options_.threshold, selector_);
   selector_.Select(features);
+  if (chroma_) chroma_->Start(image, integral_);
   for (int i = 0; i < features.size(); ++i) {
     Keypoint& keypoint = features.mutable_keypoint(i);
     if (!options_.upright) AssignOrientation(integral_, keypoint, path_);
-    DescribeSurf(integral_, keypoint, features.mutable_descriptor(i).first<kSurfDim>(), path_);
+    const auto descriptor = features.mutable_descriptor(i);
+    DescribeSurf(integral_, keypoint, descriptor.first<kSurfDim>(), path_);
+    if (chroma_) chroma_->Describe(keypoint, descriptor.subspan<kSurfDim, kChromaDim>());
   }
   return {};
 }

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "engine/base/cpu_path.h"
+#include "engine/features/chroma_contrast.h"
 #include "engine/features/fast_hessian.h"
 #include "engine/features/feature_extractor.h"
 #include "engine/features/grid_selector.h"
@@ -16,13 +18,14 @@ inline constexpr std::uint32_t kSurfVersion = 1;
 
 // Speeded-up robust features with 64 dimensions [1]: fast-Hessian blobs, the best
 // by grid, oriented (or upright) and described. The image is mirrored at its
-// edges, so points are found and described up to the edge.
+// edges, so points are found and described up to the edge. Of type kColorSurf, a descriptor has
+// kChromaDim numbers more (chroma_contrast.h); key points are the same.
 // [1] H. Bay, A. Ess, T. Tuytelaars, L. Van Gool, Speeded-Up Robust Features,
 //     CVIU 110 (2008).
 class Surf final : public FeatureExtractor {
  public:
-  // `options` valid, of type kSurf. Allocates all memory that Extract() uses:
-  // about 4 (max_image_side + 200)^2 bytes for the integral image.
+  // `options` valid, of type kSurf or kColorSurf. Allocates all memory that Extract() uses:
+  // about 4 (max_image_side + 200)^2 bytes for the integral image, and half as much for chroma.
   explicit Surf(const FeatureOptions& options, CpuPath path = BestCpuPath());
 
   int descriptor_dim() const override;
@@ -35,6 +38,7 @@ class Surf final : public FeatureExtractor {
   IntegralImage integral_;
   FastHessian detector_;
   GridSelector selector_;
+  std::optional<ChromaContrast> chroma_;  // kColorSurf
 };
 
 }  // namespace viewfix

@@ -96,7 +96,7 @@ ImageView Shrinker::ShrinkToSide(const ImageView& image) {
   } else {
     AverageAreas(image, target);
   }
-  return {pixels_.data(), target.width, target.height, target.width};
+  return {pixels_.data(), target.width, target.height, target.width, image.chroma};
 }
 
 void Shrinker::AverageAreas(const ImageView& image, ImageSize target) {

@@ -33,7 +33,7 @@ class Shrinker {
   explicit Shrinker(int max_side, CpuPath path = BestCpuPath());
 
   // The shrunk image, living until the next call, or `image` itself where it is
-  // small enough. Both sides of `image` in 1..kMaxImageSide.
+  // small enough; its chroma as it is. Both sides of `image` in 1..kMaxImageSide.
   ImageView ShrinkToSide(const ImageView& image);
 
   int max_side() const { return max_side_; }

@@ -8,8 +8,13 @@ namespace viewfix {
 
 void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
   static const std::map<std::string, FeatureType> kTypes = {{"surf", FeatureType::kSurf},
+                                                            {"color-surf", FeatureType::kColorSurf},
                                                             {"sift", FeatureType::kSift}};
-  command.add_option("--features", options.type, "surf, or sift (models for the laptop only)")
+  command
+      .add_option(
+          "--features", options.type,
+          "surf; color-surf, where `train` has no map to check places by: sees colours, too; "
+          "or sift (models for the laptop only)")
       ->transform(CLI::CheckedTransformer(kTypes));
   command
       .add_option("--max-features", options.max_features,

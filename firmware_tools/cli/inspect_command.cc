@@ -111,7 +111,7 @@ Json Describe(const ModelView& model) {
   json["sections"] = SectionsAsJson(model);
   const std::optional<std::size_t> memory = LocalizerBytes(model);
   json["localizer_bytes"] = memory ? Json(*memory) : Json(nullptr);
-  json["features"] = {{"type", f.type == 1 ? "surf" : "sift"},
+  json["features"] = {{"type", FeatureTypeName(static_cast<FeatureType>(f.type))},
                       {"version", f.version},
                       {"descriptor_dim", f.descriptor_dim},
                       {"max_image_side", f.max_image_side},

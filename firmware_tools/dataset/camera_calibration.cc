@@ -32,7 +32,7 @@ constexpr double kMaxFocalSigma = 0.01;  // of the focal length
 constexpr std::size_t kMaxFrames = 80;   // of a video
 constexpr double kLeastMotion = 0.04;    // of the image's width, between kept frames of a video
 
-void TakeImage(const GreyImage& image, const CharucoSpec& spec, const std::string& name,
+void TakeImage(const YuvImage& image, const CharucoSpec& spec, const std::string& name,
                BoardViews& boards) {
   if (boards.images++ == 0) {
     boards.width = image.width;
@@ -50,7 +50,7 @@ BoardViews FindInImages(const fs::path& source, const CharucoSpec& spec, const P
   const ImageSet set = LoadImageSet(source);
   BoardViews boards;
   for (const ImageRecord& image : set.images) {
-    TakeImage(LoadGreyImage(set.FullPath(image)), spec, image.path, boards);
+    TakeImage(LoadImage(set.FullPath(image)), spec, image.path, boards);
     if (report) report(boards.images, static_cast<int>(set.images.size()));
   }
   return boards;
@@ -100,7 +100,7 @@ BoardViews FindInVideo(const fs::path& source, const CharucoSpec& spec, const Pr
     } else {
       grey = frame.clone();
     }
-    const GreyImage image{grey.cols, grey.rows, {grey.data, grey.data + grey.total()}};
+    const YuvImage image{grey.cols, grey.rows, {grey.data, grey.data + grey.total()}};
     TakeImage(image, spec, std::string("frame ") += std::to_string(i), boards);
     const std::size_t count = boards.views.size();
     const bool is_still = count >= 2 && Motion(boards.views[count - 2], boards.views.back()) <

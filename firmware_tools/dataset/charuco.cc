@@ -105,7 +105,7 @@ void CheckSpec(const CharucoSpec& spec) {
   }
 }
 
-BoardView FindBoard(const GreyImage& image, const CharucoSpec& spec, const std::string& name) {
+BoardView FindBoard(const YuvImage& image, const CharucoSpec& spec, const std::string& name) {
   BoardView view{name, {}, {}};
   const cv::Mat pixels(image.height, image.width, CV_8U,
                        const_cast<std::uint8_t*>(image.pixels.data()));

@@ -30,7 +30,7 @@ struct BoardView {
   std::vector<Eigen::Vector2d> pixels;  // [corner_ids] centres at integers
 };
 
-BoardView FindBoard(const GreyImage& image, const CharucoSpec& spec, const std::string& name);
+BoardView FindBoard(const YuvImage& image, const CharucoSpec& spec, const std::string& name);
 
 // Place of a corner on the board, metres, z = 0.
 std::vector<Eigen::Vector3d> BoardCorners(const CharucoSpec& spec);

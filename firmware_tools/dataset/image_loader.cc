@@ -5,6 +5,7 @@
 #include <array>
 #include <cctype>
 #include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <string>
 #include <string_view>
 
@@ -24,21 +25,40 @@ bool IsCutPng(std::string_view bytes) {
   return bytes.starts_with("\x89PNG") && !bytes.substr(bytes.size() - 8).starts_with("IEND");
 }
 
-GreyImage DecodeOther(const fs::path& file, const std::string& bytes) {
-  if (bytes.size() < 8 || IsCutPng(bytes)) Fail(file, "cut short");
-  cv::Mat pixels;
+// Empty: not an image, or one of a size beyond OpenCV's limits.
+cv::Mat Decode(const std::string& bytes, cv::ImreadModes mode) {
   try {
-    pixels = cv::imdecode(cv::Mat(1, int(bytes.size()), CV_8U, const_cast<char*>(bytes.data())),
-                          cv::IMREAD_GRAYSCALE);
-  } catch (const cv::Exception&) {  // sizes beyond OpenCV's limits
+    return cv::imdecode(cv::Mat(1, int(bytes.size()), CV_8U, const_cast<char*>(bytes.data())),
+                        mode);
+  } catch (const cv::Exception&) {
+    return {};
   }
+}
+
+// Chroma of half the size.
+void AddChroma(const cv::Mat& colours, YuvImage& image) {
+  cv::Mat halved, ycrcb;
+  cv::resize(colours, halved, {image.ChromaWidth(), image.ChromaHeight()}, 0, 0, cv::INTER_AREA);
+  cv::cvtColor(halved, ycrcb, cv::COLOR_BGR2YCrCb);
+  image.ResizeChroma();
+  cv::Mat cb(halved.size(), CV_8U, image.cb.data()), cr(halved.size(), CV_8U, image.cr.data());
+  cv::extractChannel(ycrcb, cr, 1);
+  cv::extractChannel(ycrcb, cb, 2);
+}
+
+YuvImage DecodeOther(const fs::path& file, const std::string& bytes) {
+  if (bytes.size() < 8 || IsCutPng(bytes)) Fail(file, "cut short");
+  const cv::Mat pixels = Decode(bytes, cv::IMREAD_GRAYSCALE);
   if (pixels.empty()) Fail(file, "not an image, or a damaged one");
   if (pixels.cols > kMaxImageSide || pixels.rows > kMaxImageSide ||
       std::int64_t{pixels.cols} * pixels.rows > kMaxImagePixels) {
     Fail(file, "larger than " + std::to_string(kMaxImageSide) + " pixels a side or 16 megapixels");
   }
   const cv::Mat rows = pixels.isContinuous() ? pixels : pixels.clone();
-  return {rows.cols, rows.rows, {rows.data, rows.data + rows.total()}};
+  YuvImage image = {rows.cols, rows.rows, {rows.data, rows.data + rows.total()}};
+  const cv::Mat colours = Decode(bytes, cv::IMREAD_COLOR);
+  if (colours.size() == pixels.size()) AddChroma(colours, image);
+  return image;
 }
 
 }  // namespace
@@ -62,18 +82,18 @@ std::string ReadImageFile(const fs::path& file) {
   return bytes;
 }
 
-GreyImage DecodeGreyImage(const fs::path& file, const std::string& bytes, ExifInfo* exif) {
+YuvImage DecodeImage(const fs::path& file, const std::string& bytes, ExifInfo* exif) {
   if (exif != nullptr) *exif = {};
   if (!bytes.starts_with("\xFF\xD8")) return DecodeOther(file, bytes);
-  GreyImage image;
+  YuvImage image;
   const std::span data(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
   const Status status = DecodeJpeg(data, image, exif);
   if (!status.ok()) Fail(file, Describe(status));
   return image;
 }
 
-GreyImage LoadGreyImage(const fs::path& file, ExifInfo* exif) {
-  return DecodeGreyImage(file, ReadImageFile(file), exif);
+YuvImage LoadImage(const fs::path& file, ExifInfo* exif) {
+  return DecodeImage(file, ReadImageFile(file), exif);
 }
 
 }  // namespace viewfix

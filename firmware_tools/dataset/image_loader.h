@@ -13,15 +13,15 @@ namespace viewfix {
 // or .webp, in upper or lower case.
 bool IsImageFileName(const std::filesystem::path& file);
 
-// Grey pixels of an image file, EXIF orientation applied. A JPEG goes through DecodeJpeg(), so
-// that the laptop sees the board's pixels; other formats through OpenCV. Throws
+// Grey pixels and chroma of an image file, EXIF orientation applied. A JPEG goes through
+// DecodeJpeg(), so that the laptop sees the board's pixels; other formats through OpenCV. Throws
 // ToolError("cannot read image FILE: cause") for anything that is not a whole image.
 // `exif` is filled for JPEG only, else reset.
-GreyImage LoadGreyImage(const std::filesystem::path& file, ExifInfo* exif = nullptr);
+YuvImage LoadImage(const std::filesystem::path& file, ExifInfo* exif = nullptr);
 
 // Its two halves, for who wants the file's bytes too.
 std::string ReadImageFile(const std::filesystem::path& file);
-GreyImage DecodeGreyImage(const std::filesystem::path& file, const std::string& bytes,
-                          ExifInfo* exif = nullptr);
+YuvImage DecodeImage(const std::filesystem::path& file, const std::string& bytes,
+                     ExifInfo* exif = nullptr);
 
 }  // namespace viewfix

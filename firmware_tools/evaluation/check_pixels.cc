@@ -15,7 +15,7 @@ namespace {
 // Of a location's images: a few bad ones are only noted.
 constexpr double kManyShare = 0.2;
 
-std::uint64_t FingerprintOf(const GreyImage& image) {
+std::uint64_t FingerprintOf(const YuvImage& image) {
   std::uint64_t hash = 0xCBF29CE484222325U;  // FNV-1a
   const auto add = [&](std::uint64_t value) { hash = (hash ^ value) * 0x100000001B3U; };
   add(static_cast<std::uint64_t>(image.width));
@@ -90,7 +90,7 @@ std::vector<ImagePixels> ReadPixels(const ImageSet& set, int max_image_side, int
   std::vector<Shrinker> shrinkers(Workers(jobs), Shrinker(max_image_side));
   const auto read = [&](int i, int worker) {
     try {
-      const GreyImage image = LoadGreyImage(set.FullPath(set.images[i]));
+      const YuvImage image = LoadImage(set.FullPath(set.images[i]));
       all[i].quality = MeasureQuality(shrinkers[worker].ShrinkToSide(image.view()));
       all[i].fingerprint = FingerprintOf(image);
     } catch (const ToolError& error) {

@@ -207,7 +207,7 @@ class Evaluator {
     BeginFrame(image_idx);
     FrameResult result;
     result.image_idx = image_idx;
-    const GreyImage pixels = LoadGreyImage(set_.FullPath(image));
+    const YuvImage pixels = LoadImage(set_.FullPath(image));
     result.fix = Localize(image, pixels);
     Describe(model_, localizer_, image, result);
     ComparePoses(model_, world_from_map_, image, result);
@@ -225,7 +225,7 @@ class Evaluator {
         static_cast<std::uint64_t>(image_idx) + captures_before_ * 2 * MotionModel::kMaxGap;
   }
 
-  Fix Localize(const ImageRecord& image, const GreyImage& pixels) {
+  Fix Localize(const ImageRecord& image, const YuvImage& pixels) {
     Prior prior;
     prior.sequence = sequence_number_;
     Camera camera;

@@ -159,7 +159,7 @@ class TagReader {
 };
 
 // Pixels of the image as it was read -> pixels of the camera.
-Eigen::Vector2d ToCameraPixel(const cv::Point2f& pixel, const GreyImage& image,
+Eigen::Vector2d ToCameraPixel(const cv::Point2f& pixel, const YuvImage& image,
                               const Camera& camera) {
   return {(pixel.x + 0.5) * camera.width / image.width - 0.5,
           (pixel.y + 0.5) * camera.height / image.height - 0.5};
@@ -177,7 +177,7 @@ class Detector {
     parameters_->cornerRefinementMethod = cv::aruco::CORNER_REFINE_SUBPIX;
   }
 
-  void Detect(const GreyImage& image, int image_idx, std::vector<TagObservation>& seen) const {
+  void Detect(const YuvImage& image, int image_idx, std::vector<TagObservation>& seen) const {
     const cv::Mat pixels(image.height, image.width, CV_8U,
                          const_cast<std::uint8_t*>(image.pixels.data()));
     std::vector<std::vector<cv::Point2f>> corners;
@@ -252,9 +252,9 @@ std::vector<TagObservation> DetectTags(const Reconstruction& map, std::span<cons
   }
   std::vector<TagObservation> seen;
   for (int i = 0; i < static_cast<int>(map.images.size()); ++i) {
-    GreyImage image;
+    YuvImage image;
     try {
-      image = LoadGreyImage(folder / map.images[i].name);
+      image = LoadImage(folder / map.images[i].name);
     } catch (const ToolError&) {
       continue;
     }

@@ -14,8 +14,8 @@ namespace viewfix {
 
 // How the details of a model are made (engine/matching/place_evidence.h).
 struct DetailOptions {
-  // Room for them in the model, bytes; 0: none. 5.9 MB leave a model of 74 areas under 8.
-  std::size_t max_bytes = 5'900'000;
+  // Room for them in the model, bytes; 0: none. 6.35 MB leave a model of 74 areas under 8.
+  std::size_t max_bytes = 6'350'000;
   // Features of one location that are closer than this (descriptors' length is 127) are one detail.
   // Grows in steps until the details fit their room.
   double merge_distance = 45;

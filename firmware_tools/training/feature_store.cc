@@ -28,7 +28,7 @@ struct Worker {
 ImageFeatures ExtractOne(const std::filesystem::path& path, const std::string& bytes,
                          Worker& worker) {
   ExifInfo exif;
-  const GreyImage image = DecodeGreyImage(path, bytes, &exif);
+  const YuvImage image = DecodeImage(path, bytes, &exif);
   const ImageView working = worker.shrinker.ShrinkToSide(image.view());
   const Status status = worker.extractor->Extract(working, worker.features);
   if (!status.ok()) throw ToolError(path.string() + ": " + status.text());

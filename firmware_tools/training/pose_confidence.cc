@@ -128,7 +128,7 @@ class Trial {
       camera = ToCamera(source_.set.cameras[image.camera_idx]);
       prior.camera = &camera;
     }
-    const GreyImage pixels = LoadGreyImage(source_.set.FullPath(image));
+    const YuvImage pixels = LoadImage(source_.set.FullPath(image));
     const Result<Fix> fix = localizer.Localize(pixels.view(), prior);
     return fix.ok() ? *fix : Fix();
   }

@@ -15,7 +15,7 @@ struct Frame {
   std::uint64_t sequence = 0;        // counts from 0, gaps are frames lost
   std::int64_t capture_time_ns = 0;  // CLOCK_MONOTONIC
   std::string name;                  // file name (replay), else empty
-  GreyImage image;
+  YuvImage image;
 };
 
 // What became of the frames of a live camera since the start.

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <string_view>
+#include <vector>
 
 // Last: jpeglib.h uses size_t and FILE without including them.
 // clang-format off
@@ -75,12 +76,18 @@ class Decoder {
   }
 
   // `enough_side`: as of DecodeJpegReduced; 0: whole.
-  Status ReadPixels(int enough_side, GreyImage& image) {
+  Status ReadPixels(int enough_side, YuvImage& image) {
     Reduce(enough_side);
     image.width = static_cast<int>(info_.output_width);
     image.height = static_cast<int>(info_.output_height);
     image.pixels.resize(std::size_t{info_.output_width} * info_.output_height);
-    return GuardedReadPixels(image.pixels.data()) ? Status() : Failure();
+    image.ClearChroma();
+    if (info_.jpeg_color_space != JCS_YCbCr) {
+      return GuardedReadGrey(image.pixels.data()) ? Status() : Failure();
+    }
+    image.ResizeChroma();
+    colour_rows_.resize(2 * 3 * std::size_t{info_.output_width});
+    return GuardedReadColour(image) ? Status() : Failure();
   }
 
   ExifInfo exif() const {
@@ -118,18 +125,57 @@ class Decoder {
     return true;
   }
 
-  bool GuardedReadPixels(std::uint8_t* pixels) {
+  bool GuardedReadGrey(std::uint8_t* pixels) {
     if (setjmp(leave_) != 0) return false;
     info_.out_color_space = JCS_GRAYSCALE;
-    info_.dct_method = JDCT_ISLOW;  // the one that all processors compute alike
-    info_.do_block_smoothing = FALSE;
-    jpeg_start_decompress(&info_);
+    Start();
     while (info_.output_scanline < info_.output_height) {
       JSAMPROW row = pixels + std::size_t{info_.output_scanline} * info_.output_width;
       jpeg_read_scanlines(&info_, &row, 1);
     }
     jpeg_finish_decompress(&info_);  // reads to the end: a missing end marker shows here
     return true;
+  }
+
+  // The same luma, to the bit.
+  bool GuardedReadColour(YuvImage& image) {
+    if (setjmp(leave_) != 0) return false;
+    info_.out_color_space = JCS_YCbCr;
+    info_.do_fancy_upsampling = FALSE;  // chroma is brought back to its own size below
+    Start();
+    while (info_.output_scanline < info_.output_height) {
+      const unsigned y = info_.output_scanline;
+      JSAMPROW row = colour_rows_.data() + y % 2 * 3 * std::size_t{info_.output_width};
+      jpeg_read_scanlines(&info_, &row, 1);
+      std::uint8_t* luma = image.pixels.data() + std::size_t{y} * info_.output_width;
+      for (unsigned x = 0; x < info_.output_width; ++x) luma[x] = row[3 * x];
+      if (y % 2 == 1 || y + 1 == info_.output_height) HalveChroma(y / 2, y % 2 == 1, image);
+    }
+    jpeg_finish_decompress(&info_);
+    return true;
+  }
+
+  void Start() {
+    info_.dct_method = JDCT_ISLOW;  // the one that all processors compute alike
+    info_.do_block_smoothing = FALSE;
+    jpeg_start_decompress(&info_);
+  }
+
+  // Row y of the chroma: means of squares of four, of two at an odd edge.
+  void HalveChroma(unsigned y, bool two_rows, YuvImage& image) const {
+    const int width = image.width;
+    const std::uint8_t* upper = colour_rows_.data();
+    const std::uint8_t* lower = two_rows ? upper + std::size_t{3} * width : upper;
+    const std::size_t begin = std::size_t{y} * image.ChromaWidth();
+    for (int x = 0; x < image.ChromaWidth(); ++x) {
+      const int left = 6 * x, right = 2 * x + 1 < width ? left + 3 : left;
+      const auto mean = [&](int c) {
+        return static_cast<std::uint8_t>(
+            (upper[left + c] + upper[right + c] + lower[left + c] + lower[right + c] + 2) / 4);
+      };
+      image.cb[begin + x] = mean(1);
+      image.cr[begin + x] = mean(2);
+    }
   }
 
   Status Failure() {
@@ -167,6 +213,7 @@ class Decoder {
   jpeg_decompress_struct info_ = {};
   jpeg_error_mgr errors_ = {};
   jpeg_progress_mgr progress_ = {};
+  std::vector<std::uint8_t> colour_rows_;  // two, of three bytes a pixel
   const bool lenient_;
   bool too_many_scans_ = false;
   std::jmp_buf leave_;
@@ -174,13 +221,13 @@ class Decoder {
 
 }  // namespace
 
-Status DecodeJpeg(std::span<const std::uint8_t> bytes, GreyImage& image, ExifInfo* exif) {
+Status DecodeJpeg(std::span<const std::uint8_t> bytes, YuvImage& image, ExifInfo* exif) {
   image.width = image.height = 0;
   Decoder decoder;
   if (Status status = decoder.ReadHeader(bytes); !status.ok()) return status;
   const ExifInfo found = decoder.exif();
-  GreyImage stored;
-  GreyImage& pixels = found.orientation == 1 ? image : stored;
+  YuvImage stored;
+  YuvImage& pixels = found.orientation == 1 ? image : stored;
   if (Status status = decoder.ReadPixels(0, pixels); !status.ok()) {
     image.width = image.height = 0;
     return status;
@@ -190,7 +237,7 @@ Status DecodeJpeg(std::span<const std::uint8_t> bytes, GreyImage& image, ExifInf
   return {};
 }
 
-Status DecodeJpegReduced(std::span<const std::uint8_t> bytes, int enough_side, GreyImage& image) {
+Status DecodeJpegReduced(std::span<const std::uint8_t> bytes, int enough_side, YuvImage& image) {
   image.width = image.height = 0;
   Decoder decoder(/*lenient=*/true);
   Status status = decoder.ReadHeader(bytes);

@@ -9,7 +9,7 @@
 #include <optional>
 #include <utility>
 
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/v4l2/to_yuv.h"
 #include "platform/clock.h"
 #include "platform/log.h"
 
@@ -206,7 +206,7 @@ Status LiveCamera::Deliver(const Buffer& buffer, Frame& frame) {
     ++counts_.skipped;
     return Nothing();
   }
-  const Status status = ToGrey(buffer.image, enough_side_, frame.image);
+  const Status status = ToYuv(buffer.image, enough_side_, frame.image);
   if (!status.ok()) {
     ++counts_.truncated;
     return Nothing();

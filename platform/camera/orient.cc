@@ -2,6 +2,9 @@
 #include "platform/camera/orient.h"
 
 #include <cstddef>
+#include <cstdint>
+#include <utility>
+#include <vector>
 
 namespace viewfix {
 namespace {
@@ -36,19 +39,30 @@ Walk WalkOf(int orientation, std::ptrdiff_t width, std::ptrdiff_t height) {
   }
 }
 
+bool OnItsSide(int orientation) { return orientation >= 5 && orientation <= 8; }
+
+//   width, height  of the stored plane
+void OrientPlane(const std::vector<std::uint8_t>& stored, int width, int height, int orientation,
+                 std::vector<std::uint8_t>& upright) {
+  upright.resize(stored.size());
+  if (stored.empty()) return;
+  const Walk walk = WalkOf(orientation, width, height);
+  if (OnItsSide(orientation)) std::swap(width, height);
+  std::uint8_t* out = upright.data();
+  for (int y = 0; y < height; ++y) {
+    std::ptrdiff_t from = walk.first + y * walk.dy;
+    for (int x = 0; x < width; ++x, from += walk.dx) *out++ = stored[from];
+  }
+}
+
 }  // namespace
 
-void Orient(const GreyImage& stored, int orientation, GreyImage& upright) {
-  const bool on_its_side = orientation >= 5 && orientation <= 8;
-  upright.width = on_its_side ? stored.height : stored.width;
-  upright.height = on_its_side ? stored.width : stored.height;
-  upright.pixels.resize(stored.pixels.size());
-  const Walk walk = WalkOf(orientation, stored.width, stored.height);
-  std::uint8_t* out = upright.pixels.data();
-  for (int y = 0; y < upright.height; ++y) {
-    std::ptrdiff_t from = walk.first + y * walk.dy;
-    for (int x = 0; x < upright.width; ++x, from += walk.dx) *out++ = stored.pixels[from];
-  }
+void Orient(const YuvImage& stored, int orientation, YuvImage& upright) {
+  upright.width = OnItsSide(orientation) ? stored.height : stored.width;
+  upright.height = OnItsSide(orientation) ? stored.width : stored.height;
+  OrientPlane(stored.pixels, stored.width, stored.height, orientation, upright.pixels);
+  OrientPlane(stored.cb, stored.ChromaWidth(), stored.ChromaHeight(), orientation, upright.cb);
+  OrientPlane(stored.cr, stored.ChromaWidth(), stored.ChromaHeight(), orientation, upright.cr);
 }
 
 }  // namespace viewfix

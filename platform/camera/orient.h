@@ -10,6 +10,6 @@ namespace viewfix {
 // 5 transposed, 6 turned by 90 degrees clockwise, 7 transposed over the other diagonal,
 // 8 turned by 90 degrees anticlockwise. Other values count as 1. Allocates only where
 // `upright` is too small; the two must be different images.
-void Orient(const GreyImage& stored, int orientation, GreyImage& upright);
+void Orient(const YuvImage& stored, int orientation, YuvImage& upright);
 
 }  // namespace viewfix

@@ -8,7 +8,7 @@
 namespace viewfix {
 
 // Pixels as a driver hands them over. Multi-planar formats with separate memory give their first
-// plane, which holds the luma.
+// plane, which holds the luma; their chroma is left out.
 struct RawImage {
   std::uint32_t fourcc = 0;  // V4L2_PIX_FMT_...
   int width = 0;

@@ -144,9 +144,9 @@ Status Daemon::StartPipeline() {
     PrintFault(status);
   }
   if (Status status = OpenPublishers(); !status.ok()) return status;
-  std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
+  std::function<void(const YuvImage&, std::span<const SeenPoint>)> show;
   if (server_ != nullptr && options_.publish.frame_picture) {
-    show = [this](const GreyImage& frame, std::span<const SeenPoint> points) {
+    show = [this](const YuvImage& frame, std::span<const SeenPoint> points) {
       server_->Show(frame, points);
     };
   }

@@ -20,7 +20,7 @@ class FrameAnswerer {
 
  private:
   MotionModel motion_;
-  GreyImage turned_;
+  YuvImage turned_;
 };
 
 // The line of a fix; valid until the model's next.

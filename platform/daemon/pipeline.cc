@@ -147,10 +147,20 @@ bool Pipeline::Turn(Frame& frame) {
     model_ = std::move(current);
     answerer_.emplace();  // what was known of the motion was of the old map
     scene_ = SceneChange();
+    if (model_ != nullptr) WarnOfMissingColours(frame);
   }
   if (model_ == nullptr) return SayWhyNothing();
   if (live_ && Still(frame)) return true;
   return Answer(frame);
+}
+
+void Pipeline::WarnOfMissingColours(const Frame& frame) {
+  const bool wanted =
+      model_->view.features().type == static_cast<std::uint8_t>(FeatureType::kColorSurf);
+  if (!wanted || !frame.image.view().chroma.empty()) return;
+  log_.Write(LogLevel::kWarning,
+             "the model knows places by their colours, too, and frames come without: choose "
+             "another pixel format, or train it with --features surf");
 }
 
 // Until a frame may begin at max_fps. False: the time was not over yet; beat and come again.

@@ -36,7 +36,7 @@ class Pipeline {
     Health* health;
     Publisher* publisher;
     // Each frame answered, and its key points; null: nobody looks.
-    std::function<void(const GreyImage&, std::span<const SeenPoint>)> show;
+    std::function<void(const YuvImage&, std::span<const SeenPoint>)> show;
   };
 
   Pipeline(std::unique_ptr<FrameSource> source, const PipelineRates& rates, Parts parts);
@@ -65,6 +65,7 @@ class Pipeline {
   void Hand(Frame& frame);
   void LocalizeFrames();
   bool Turn(Frame& frame);
+  void WarnOfMissingColours(const Frame& frame);
   bool WaitUntilDue();
   bool Still(const Frame& frame);
   bool Answer(Frame& frame);

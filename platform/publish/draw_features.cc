@@ -33,7 +33,7 @@ void DrawCircle(RgbImage& image, float x, float y, float radius, const Colour& c
 
 }  // namespace
 
-RgbImage DrawFeatures(const GreyImage& frame, std::span<const SeenPoint> points) {
+RgbImage DrawFeatures(const YuvImage& frame, std::span<const SeenPoint> points) {
   RgbImage image = {frame.width, frame.height, {}};
   image.pixels.reserve(3 * frame.pixels.size());
   for (const std::uint8_t grey : frame.pixels) image.pixels.insert(image.pixels.end(), 3, grey);

@@ -11,6 +11,6 @@ namespace viewfix {
 
 // The frame with a circle about each of its key points: green and thick where it speaks for the
 // fix, thin and amber where not. Those beyond the picture, or of no size, are passed over.
-RgbImage DrawFeatures(const GreyImage& frame, std::span<const SeenPoint> points);
+RgbImage DrawFeatures(const YuvImage& frame, std::span<const SeenPoint> points);
 
 }  // namespace viewfix

@@ -43,7 +43,7 @@ class Server::Impl {
     thread_ = std::thread([this] { event_base_dispatch(base_.get()); });
   }
   void Publish(std::string_view line);
-  void Show(const GreyImage& frame, std::span<const SeenPoint> points);
+  void Show(const YuvImage& frame, std::span<const SeenPoint> points);
   PublishCounts counts() const;
 
  private:
@@ -68,7 +68,7 @@ class Server::Impl {
   std::deque<std::string> inbox_;
   std::uint64_t inbox_dropped_ = 0;
   PublishCounts counts_;
-  GreyImage frame_;
+  YuvImage frame_;
   std::vector<SeenPoint> points_;  // of frame_
 };
 
@@ -162,14 +162,14 @@ void Server::Impl::Publish(std::string_view line) {
   (void)::eventfd_write(wake_fd_, 1);
 }
 
-void Server::Impl::Show(const GreyImage& frame, std::span<const SeenPoint> points) {
+void Server::Impl::Show(const YuvImage& frame, std::span<const SeenPoint> points) {
   const std::lock_guard lock(mutex_);
   frame_ = frame;
   points_.assign(points.begin(), points.end());
 }
 
 std::vector<std::uint8_t> Server::Impl::FrameJpeg() {
-  GreyImage frame;
+  YuvImage frame;
   std::vector<SeenPoint> points;
   {
     const std::lock_guard lock(mutex_);
@@ -201,7 +201,7 @@ Status Server::Publish(std::string_view line) {
   return {};
 }
 
-void Server::Show(const GreyImage& frame, std::span<const SeenPoint> points) {
+void Server::Show(const YuvImage& frame, std::span<const SeenPoint> points) {
   impl_->Show(frame, points);
 }
 

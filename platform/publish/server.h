@@ -45,7 +45,7 @@ class Server : public Publisher {
 
   Status Publish(std::string_view line) override;
   // The last frame and its key points, for /frame.jpg; not asked for unless the settings say so.
-  void Show(const GreyImage& frame, std::span<const SeenPoint> points);
+  void Show(const YuvImage& frame, std::span<const SeenPoint> points);
   PublishCounts counts() const;
 
  private:

@@ -110,7 +110,7 @@ int Run(const Arguments& arguments) {
   Shrinker shrinker(arguments.options.max_image_side);
   double sum_ms = 0;
   for (const std::filesystem::path& file : arguments.files) {
-    const GreyImage image = LoadGreyImage(file);
+    const YuvImage image = LoadImage(file);
     const ImageView shrunk = shrinker.ShrinkToSide(image.view());
     sum_ms += ExtractOften(extractor, shrunk, arguments.repeat, features);
     std::printf("%016llx %5d %s\n", HashOf(features), features.size(),

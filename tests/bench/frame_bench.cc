@@ -12,13 +12,13 @@
 #include <ctime>
 #include <fstream>
 #include <iterator>
-#include <opencv2/imgcodecs.hpp>
 #include <sstream>
 #include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "engine/localizer.h"
+#include "firmware_tools/dataset/image_loader.h"
 #include "models/model_view.h"
 
 namespace viewfix {
@@ -65,20 +65,18 @@ Localizer MakeLocalizer(const ModelView& model) {
   return std::move(*localizer);
 }
 
-std::vector<cv::Mat> Photographs() {
-  std::vector<cv::Mat> images;
+std::vector<YuvImage> Photographs() {
+  std::vector<YuvImage> images;
   std::istringstream files(Variable("VIEWFIX_BENCH_IMAGES"));
   for (std::string file; std::getline(files, file);) {
-    images.push_back(cv::imread(file, cv::IMREAD_GRAYSCALE));
-    if (images.back().empty()) throw std::runtime_error(file + ": no image");
+    images.push_back(LoadImage(file));
   }
   if (images.empty()) throw std::runtime_error("VIEWFIX_BENCH_IMAGES: none");
   return images;
 }
 
-StageTimes Localize(Localizer& localizer, const cv::Mat& image) {
-  const auto fix = localizer.Localize(
-      {image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)});
+StageTimes Localize(Localizer& localizer, const YuvImage& image) {
+  const auto fix = localizer.Localize(image.view());
   if (!fix.ok()) throw std::runtime_error(fix.status().text());
   return fix->ms;
 }
@@ -91,9 +89,9 @@ double Quantile(std::vector<float> values, double share) {
 void BM_Frame(benchmark::State& state) {
   const ModelView model = OpenModel();
   Localizer localizer = MakeLocalizer(model);
-  const std::vector<cv::Mat> images = Photographs();
+  const std::vector<YuvImage> images = Photographs();
   std::vector<StageTimes> least;
-  for (const cv::Mat& image : images) least.push_back(Localize(localizer, image));
+  for (const YuvImage& image : images) least.push_back(Localize(localizer, image));
   std::size_t i = 0;
   for ([[maybe_unused]] auto _ : state) {
     const StageTimes ms = Localize(localizer, images[i]);
@@ -116,7 +114,7 @@ BENCHMARK(BM_Frame)->Name("frame/viewfix")->Unit(benchmark::kMillisecond)->MinTi
 
 // From a model's bytes in memory to the first fix.
 void BM_Open(benchmark::State& state) {
-  const cv::Mat image = Photographs().front();
+  const YuvImage image = Photographs().front();
   ModelFile();
   for ([[maybe_unused]] auto _ : state) {
     const ModelView model = OpenModel();

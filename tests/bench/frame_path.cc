@@ -12,16 +12,15 @@
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
-#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 #include <vector>
 
 #include "engine/features/surf.h"
-#include "engine/features/surf_descriptor.h"
 #include "engine/image/resize.h"
 #include "engine/matching/place_evidence.h"
 #include "engine/retrieval/retrieval.h"
 #include "engine/scoring/scoring.h"
+#include "firmware_tools/dataset/image_loader.h"
 #include "firmware_tools/training/model_localizer.h"
 #include "models/model_view.h"
 #include "platform/file.h"
@@ -38,7 +37,7 @@ class Frame {
         path_(path),
         shrink_(model.features().max_image_side, path),
         surf_(FeatureOptionsOf(model.features()), path),
-        features_(model.features().max_features, kSurfDim),
+        features_(model.features().max_features, model.features().descriptor_dim),
         vocabulary_(model.vocabulary().words, model.vocabulary().dim, path),
         words_(std::size_t(model.features().max_features) * model.vocabulary().words_per_feature),
         builder_(vocabulary_.size(), model.features().max_features,
@@ -116,16 +115,12 @@ int Main(int argc, char** argv) {
     return 1;
   }
   const auto model = ModelView::Open(*bytes);
-  const cv::Mat image = cv::imread(argv[2], cv::IMREAD_GRAYSCALE);
   if (!model.ok() || !model->has_details()) {
     std::fprintf(stderr, "%s: %s\n", argv[1],
                  model.ok() ? "a model without details" : model.status().text());
     return 1;
   }
-  if (image.empty()) {
-    std::fprintf(stderr, "%s: no image\n", argv[2]);
-    return 1;
-  }
+  const YuvImage image = LoadImage(argv[2]);
   const int best = static_cast<int>(BestCpuPath());
   const int path = argc > 3 ? NumberOf(argv[3]) : best;
   const int repeat = argc > 4 ? NumberOf(argv[4]) : 1;
@@ -136,9 +131,7 @@ int Main(int argc, char** argv) {
   Frame frame(*model, static_cast<CpuPath>(path));
   std::array<double, kStages.size()> least;
   least.fill(1e9);
-  for (int i = 0; i < repeat; ++i) {
-    frame.Run({image.data, image.cols, image.rows, static_cast<std::ptrdiff_t>(image.step)}, least);
-  }
+  for (int i = 0; i < repeat; ++i) frame.Run(image.view(), least);
   for (std::size_t s = 0; s < kStages.size(); ++s) std::printf("%s %.2f\n", kStages[s], least[s]);
   return 0;
 }
@@ -146,4 +139,11 @@ int Main(int argc, char** argv) {
 }  // namespace
 }  // namespace viewfix
 
-int main(int argc, char** argv) { return viewfix::Main(argc, argv); }
+int main(int argc, char** argv) {
+  try {
+    return viewfix::Main(argc, argv);
+  } catch (const viewfix::ToolError& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
+  }
+}

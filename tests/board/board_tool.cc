@@ -3,8 +3,10 @@
 // What the virtual board's script needs beside viewfixd and a shell.
 //
 //   board_tool control NODE NAME VALUE      sets a control, through a descriptor of its own
-//   board_tool feed NODE SOCKET OUT JPEG... shows the pictures to a v4l2loopback node, a plain grey one
-//                                           before each; OUT gets the first fix of each, read from SOCKET
+//   board_tool feed NODE SOCKET OUT JPEG... shows the pictures to a v4l2loopback node, a plain grey
+//   one
+//                                           before each; OUT gets the first fix of each, read from
+//                                           SOCKET
 //   board_tool notify SOCKET                prints what arrives there as the service manager would
 #include <fcntl.h>
 #include <linux/videodev2.h>
@@ -111,7 +113,7 @@ class Feeder {
 };
 
 int Feed(int argc, char** argv) {
-  std::vector<GreyImage> pictures;
+  std::vector<YuvImage> pictures;
   for (int i = 3; i < argc; ++i) {
     const auto bytes = ReadFile(argv[i]);
     if (!bytes.ok() || !DecodeJpeg(*bytes, pictures.emplace_back()).ok()) {
@@ -129,7 +131,7 @@ int Feed(int argc, char** argv) {
   std::FILE* out = std::fopen(argv[2], "we");
   if (out == nullptr) return Fail(std::string("cannot write ") + argv[2]);
   Feeder feeder(device, socket);
-  for (const GreyImage& picture : pictures) {
+  for (const YuvImage& picture : pictures) {
     // Each picture's first frame follows one that shows nothing: what it says, it says alone.
     if (feeder.ShowUntil(plain, "too_few_features", true).empty()) return Fail("no line of plain");
     const std::string line = feeder.ShowUntil(picture.pixels, "too_few_features", false);

@@ -34,11 +34,10 @@ namespace lc = libcamera;
 
 constexpr unsigned int kBuffers = 4;  // as V4l2Stream's
 
-// What costs us least first.
-constexpr std::uint32_t kPreferred[] = {
-    V4L2_PIX_FMT_GREY,   V4L2_PIX_FMT_NV12,  V4L2_PIX_FMT_NV21,
-    V4L2_PIX_FMT_YUV420, V4L2_PIX_FMT_YUYV,  V4L2_PIX_FMT_UYVY,
-    V4L2_PIX_FMT_BGR24,  V4L2_PIX_FMT_RGB24, V4L2_PIX_FMT_MJPEG};
+// As V4l2Stream's.
+constexpr std::uint32_t kPreferred[] = {V4L2_PIX_FMT_NV12,  V4L2_PIX_FMT_NV21,  V4L2_PIX_FMT_YUV420,
+                                        V4L2_PIX_FMT_YUYV,  V4L2_PIX_FMT_UYVY,  V4L2_PIX_FMT_GREY,
+                                        V4L2_PIX_FMT_BGR24, V4L2_PIX_FMT_RGB24, V4L2_PIX_FMT_MJPEG};
 
 // libcamera ends a process that has two managers. Used by the thread that captures alone.
 std::shared_ptr<lc::CameraManager> SharedManager() {
@@ -244,11 +243,16 @@ Status LibcameraStream::MapBuffers() {
   return {};
 }
 
-// Luma stands in the first plane of every format that we read.
+// Luma stands in the first plane of every format that we read, chroma in those that follow it at
+// once.
 Status LibcameraStream::MapBuffer(lc::FrameBuffer* buffer) {
   if (buffer->planes().empty()) return Failed("camera gives no memory");
   const lc::FrameBuffer::Plane& plane = buffer->planes()[0];
-  const std::size_t length = std::size_t{plane.offset} + plane.length;
+  std::size_t length = std::size_t{plane.offset} + plane.length;
+  const bool tight = plane.length == format_.row_bytes * std::size_t(format_.height);
+  for (const lc::FrameBuffer::Plane& next : buffer->planes()) {
+    if (tight && next.fd == plane.fd && next.offset == length) length += next.length;
+  }
   void* memory = ::mmap(nullptr, length, PROT_READ, MAP_SHARED, plane.fd.get(), 0);
   if (memory == MAP_FAILED) return Failed("camera's memory cannot be mapped");
   slots_.push_back({nullptr, buffer, memory, length});
@@ -286,7 +290,7 @@ CameraStream::Dequeued LibcameraStream::Dequeue(Buffer& buffer) {
   const lc::FrameMetadata& metadata = slot.buffer->metadata();
   const std::size_t begin = slot.buffer->planes()[0].offset;
   std::size_t size = slot.length - begin;
-  if (!metadata.planes().empty())
+  if (metadata.planes().size() == 1)
     size = std::min<std::size_t>(size, metadata.planes()[0].bytesused);
   buffer.image = format_;
   buffer.image.bytes = {static_cast<const std::uint8_t*>(slot.memory) + begin, size};

@@ -3,7 +3,7 @@
 
 #include <linux/videodev2.h>
 
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/v4l2/to_yuv.h"
 
 namespace viewfix {
 

@@ -93,7 +93,7 @@ class Decoder {
     // A name that begins with "-" or holds ":" is a file all the same.
     const std::string input = "file:" + video;
     const char* words[] = {"ffmpeg",  "-nostdin", "-v", "quiet",        "-i",       input.c_str(),
-                           "-an",     "-sn",      "-f", "yuv4mpegpipe", "-pix_fmt", "gray",
+                           "-an",     "-sn",      "-f", "yuv4mpegpipe", "-pix_fmt", "yuvj420p",
                            "-strict", "-1",       "-",  nullptr};
     const int error = ::posix_spawnp(&pid_, "ffmpeg", &files, &attributes,
                                      const_cast<char* const*>(words), environ);
@@ -141,8 +141,11 @@ class Video : public Recording {
     frame.image.width = width_;
     frame.image.height = height_;
     frame.image.pixels.resize(std::size_t(width_) * height_);
-    if (!decoder_.Read(frame.image.pixels.data(), frame.image.pixels.size())) {
-      return {StatusCode::kNotFound, "end of video"};
+    frame.image.ResizeChroma();
+    for (auto* plane : {&frame.image.pixels, &frame.image.cb, &frame.image.cr}) {
+      if (!decoder_.Read(plane->data(), plane->size())) {
+        return {StatusCode::kNotFound, "end of video"};
+      }
     }
     return {};
   }

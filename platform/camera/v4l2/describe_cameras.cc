@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include <cstdio>
 
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/v4l2/to_yuv.h"
 #include "platform/camera/v4l2/v4l2_camera.h"
 #include "platform/camera/v4l2/v4l2_node.h"
 

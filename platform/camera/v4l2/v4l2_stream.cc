@@ -15,7 +15,7 @@
 #include <memory>
 #include <utility>
 
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/v4l2/to_yuv.h"
 
 namespace viewfix {
 namespace {
@@ -24,15 +24,16 @@ namespace {
 constexpr std::uint32_t kBuffers = 4;
 constexpr std::uint32_t kMaxBuffers = 32;
 
-// What costs us least first; compressed last.
+// Those with chroma that we read first (a model may want it), of each kind what costs us least;
+// compressed after them, Bayer last.
 constexpr std::uint32_t kPreferred[] = {
-    V4L2_PIX_FMT_GREY,    V4L2_PIX_FMT_NV12,    V4L2_PIX_FMT_NV21,    V4L2_PIX_FMT_NV12M,
-    V4L2_PIX_FMT_NV21M,   V4L2_PIX_FMT_NV16,    V4L2_PIX_FMT_YUV420,  V4L2_PIX_FMT_YVU420,
-    V4L2_PIX_FMT_YUV420M, V4L2_PIX_FMT_YVU420M, V4L2_PIX_FMT_YUV422P, V4L2_PIX_FMT_YUYV,
-    V4L2_PIX_FMT_UYVY,    V4L2_PIX_FMT_YVYU,    V4L2_PIX_FMT_VYUY,    V4L2_PIX_FMT_Y16,
-    V4L2_PIX_FMT_Y12,     V4L2_PIX_FMT_Y10,     V4L2_PIX_FMT_BGR24,   V4L2_PIX_FMT_RGB24,
-    V4L2_PIX_FMT_MJPEG,   V4L2_PIX_FMT_JPEG,    V4L2_PIX_FMT_SBGGR8,  V4L2_PIX_FMT_SGBRG8,
-    V4L2_PIX_FMT_SGRBG8,  V4L2_PIX_FMT_SRGGB8};
+    V4L2_PIX_FMT_NV12,   V4L2_PIX_FMT_NV21,    V4L2_PIX_FMT_NV16,    V4L2_PIX_FMT_YUV420,
+    V4L2_PIX_FMT_YVU420, V4L2_PIX_FMT_YUV422P, V4L2_PIX_FMT_YUYV,    V4L2_PIX_FMT_UYVY,
+    V4L2_PIX_FMT_YVYU,   V4L2_PIX_FMT_VYUY,    V4L2_PIX_FMT_GREY,    V4L2_PIX_FMT_NV12M,
+    V4L2_PIX_FMT_NV21M,  V4L2_PIX_FMT_YUV420M, V4L2_PIX_FMT_YVU420M, V4L2_PIX_FMT_Y16,
+    V4L2_PIX_FMT_Y12,    V4L2_PIX_FMT_Y10,     V4L2_PIX_FMT_BGR24,   V4L2_PIX_FMT_RGB24,
+    V4L2_PIX_FMT_MJPEG,  V4L2_PIX_FMT_JPEG,    V4L2_PIX_FMT_SBGGR8,  V4L2_PIX_FMT_SGBRG8,
+    V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SRGGB8};
 
 // The two structures that a format and a buffer come in, read and written as one.
 struct FormatFields {

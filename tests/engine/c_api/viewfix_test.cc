@@ -117,6 +117,46 @@ TEST_F(CApiTest, RowsMayBeApart) {
   EXPECT_EQ(apart.keyframe_id, dense.keyframe_id);
 }
 
+TEST_F(CApiTest, ColoursCount) {
+  ModelData data = TinyModelData();
+  data.features.type = static_cast<std::uint8_t>(FeatureType::kColorSurf);
+  const int words = static_cast<int>(data.words.size()) / data.features.descriptor_dim;
+  std::vector<std::int8_t> longer;
+  for (int w = 0; w < words; ++w) {
+    longer.insert(longer.end(), data.words.begin() + w * 64, data.words.begin() + (w + 1) * 64);
+    longer.insert(longer.end(), 8, static_cast<std::int8_t>(w % 2 == 0 ? 90 : -90));
+  }
+  data.words = longer;
+  data.features.descriptor_dim = 72;
+  const auto bytes = *WriteModel(data);
+  viewfix_localizer* opened = nullptr;
+  char error[200];
+  ASSERT_EQ(viewfix_open(bytes.data(), bytes.size(), &opened, error, sizeof error), VIEWFIX_OK)
+      << error;
+  const std::unique_ptr<viewfix_localizer, Freer> localizer(opened);
+  viewfix_image image = {sizeof image, texture_.data(), kWidth, kHeight, kWidth,
+                         nullptr,      nullptr,         0,      0,       0};
+  viewfix_fix grey = {}, plain = {}, colour = {};
+  grey.size = plain.size = colour.size = sizeof grey;
+  ASSERT_EQ(viewfix_localize(opened, texture_.data(), kWidth, kHeight, kWidth, &grey), VIEWFIX_OK);
+  ASSERT_EQ(viewfix_localize_image(opened, &image, &plain), VIEWFIX_OK);
+  EXPECT_EQ(plain.score, grey.score);
+  const std::vector<std::uint8_t> cb = MakeTexture(kWidth / 2, kHeight / 2, 2);
+  image.cb = image.cr = cb.data();
+  image.chroma_width = kWidth / 2;
+  image.chroma_height = kHeight / 2;
+  image.chroma_row_bytes = kWidth / 2;
+  ASSERT_EQ(viewfix_localize_image(opened, &image, &colour), VIEWFIX_OK);
+  EXPECT_NE(colour.score, grey.score);
+  image.chroma_row_bytes -= 1;
+  EXPECT_EQ(viewfix_localize_image(opened, &image, &colour), VIEWFIX_INVALID_ARGUMENT);
+  image.chroma_row_bytes = SIZE_MAX;
+  EXPECT_EQ(viewfix_localize_image(opened, &image, &colour), VIEWFIX_INVALID_ARGUMENT);
+  image.size = 8;
+  EXPECT_EQ(viewfix_localize_image(opened, &image, &colour), VIEWFIX_INVALID_ARGUMENT);
+  EXPECT_EQ(viewfix_localize_image(opened, nullptr, &colour), VIEWFIX_INVALID_ARGUMENT);
+}
+
 TEST_F(CApiTest, NotKnowingIsAnAnswer) {
   viewfix_fix fix = {};
   fix.size = sizeof fix;

@@ -184,7 +184,7 @@ TEST(Board, PrintsAsPngAndSvg) {
   const TempFolder folder;
   const cv::Mat page = PrintedBoard(folder);
   const cv::Mat rows = page.clone();
-  const GreyImage image{rows.cols, rows.rows, {rows.data, rows.data + rows.total()}};
+  const YuvImage image{rows.cols, rows.rows, {rows.data, rows.data + rows.total()}};
   EXPECT_EQ(FindBoard(image, kSpec, "").corner_ids.size(), 54U);
   PrintBoard(kSpec, folder / "board.svg");
   const std::string svg = ReadTextFile(folder / "board.svg");
@@ -200,7 +200,7 @@ TEST(Board, PrintsAsPngAndSvg) {
   }
   cv::Mat large;
   cv::resize(drawn, large, {}, 5, 5, cv::INTER_NEAREST);
-  const GreyImage svg_image{large.cols, large.rows, {large.data, large.data + large.total()}};
+  const YuvImage svg_image{large.cols, large.rows, {large.data, large.data + large.total()}};
   EXPECT_EQ(FindBoard(svg_image, kSpec, "").corner_ids.size(), 54U);
   EXPECT_THROW(PrintBoard(kSpec, folder / "board.pdf"), ToolError);
   EXPECT_THROW(PrintBoard({2, 7, 25}, folder / "board.png"), ToolError);

@@ -48,19 +48,19 @@ std::string WithExif(const std::string& jpeg, char orientation, char focal_35mm)
 
 std::string ErrorOf(const std::filesystem::path& file) {
   try {
-    LoadGreyImage(file);
+    LoadImage(file);
   } catch (const ToolError& error) {
     return error.what();
   }
   return "no error";
 }
 
-TEST(LoadGreyImage, LosslessFormatsKeepEveryPixel) {
+TEST(LoadImage, LosslessFormatsKeepEveryPixel) {
   const TempFolder folder;
   const cv::Mat picture = Picture();
   for (const char* extension : {".png", ".pgm", ".bmp", ".tiff"}) {
-    const GreyImage image =
-        LoadGreyImage(folder.Write(std::string("a") + extension, Encoded(extension)));
+    const YuvImage image =
+        LoadImage(folder.Write(std::string("a") + extension, Encoded(extension)));
     ASSERT_EQ(image.width, 64);
     ASSERT_EQ(image.height, 48);
     const std::vector<std::uint8_t> pixels(picture.begin<uchar>(), picture.end<uchar>());
@@ -68,35 +68,49 @@ TEST(LoadGreyImage, LosslessFormatsKeepEveryPixel) {
   }
 }
 
-TEST(LoadGreyImage, JpegHasTheBoardsPixels) {
+TEST(LoadImage, JpegHasTheBoardsPixels) {
   const TempFolder folder;
   const std::string bytes = Encoded(".jpg");
-  GreyImage board;
+  YuvImage board;
   const Status status =
       DecodeJpeg({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, board);
   ASSERT_TRUE(status.ok()) << status.text();
   // The bytes say what a file is, not its name.
   for (const char* name : {"a.jpg", "a.png"}) {
-    EXPECT_EQ(LoadGreyImage(folder.Write(name, bytes)).pixels, board.pixels);
+    EXPECT_EQ(LoadImage(folder.Write(name, bytes)).pixels, board.pixels);
   }
 }
 
-TEST(LoadGreyImage, AppliesAndReportsExif) {
+TEST(LoadImage, ColoursAreThoseOfJpeg) {
+  const TempFolder folder;
+  const cv::Mat orange(9, 7, CV_8UC3, cv::Scalar(40, 120, 240));
+  for (const char* extension : {".png", ".jpg"}) {
+    const YuvImage image =
+        LoadImage(folder.Write(std::string("a") + extension, Encoded(extension, orange)));
+    ASSERT_EQ(image.cb.size(), 4U * 5U) << extension;
+    ASSERT_EQ(image.cr.size(), 4U * 5U) << extension;
+    for (std::size_t i = 0; i < image.cb.size(); ++i) {
+      EXPECT_NEAR(image.cb[i], 68, 2) << extension;
+      EXPECT_NEAR(image.cr[i], 194, 2) << extension;
+    }
+  }
+}
+
+TEST(LoadImage, AppliesAndReportsExif) {
   const TempFolder folder;
   ExifInfo exif;
-  const GreyImage image =
-      LoadGreyImage(folder.Write("a.jpg", WithExif(Encoded(".jpg"), 6, 28)), &exif);
+  const YuvImage image = LoadImage(folder.Write("a.jpg", WithExif(Encoded(".jpg"), 6, 28)), &exif);
   EXPECT_EQ(image.width, 48);
   EXPECT_EQ(image.height, 64);
   EXPECT_EQ(exif.orientation, 6);
   ASSERT_TRUE(exif.focal_length_35mm.has_value());
   EXPECT_EQ(*exif.focal_length_35mm, 28);
-  LoadGreyImage(folder.Write("b.png", Encoded(".png")), &exif);
+  LoadImage(folder.Write("b.png", Encoded(".png")), &exif);
   EXPECT_EQ(exif.orientation, 1);
   EXPECT_FALSE(exif.focal_length_35mm.has_value());
 }
 
-TEST(LoadGreyImage, NamesFileAndCause) {
+TEST(LoadImage, NamesFileAndCause) {
   const TempFolder folder;
   const std::string jpeg = Encoded(".jpg");
   const std::string png = Encoded(".png");
@@ -113,10 +127,10 @@ TEST(LoadGreyImage, NamesFileAndCause) {
   }
 }
 
-TEST(LoadGreyImage, TakesOnePixel) {
+TEST(LoadImage, TakesOnePixel) {
   const TempFolder folder;
-  const GreyImage image =
-      LoadGreyImage(folder.Write("a.jpg", Encoded(".jpg", cv::Mat(1, 1, CV_8U, cv::Scalar(7)))));
+  const YuvImage image =
+      LoadImage(folder.Write("a.jpg", Encoded(".jpg", cv::Mat(1, 1, CV_8U, cv::Scalar(7)))));
   EXPECT_EQ(image.pixels.size(), 1);
 }
 

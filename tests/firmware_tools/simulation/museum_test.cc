@@ -85,7 +85,7 @@ TEST_F(MuseumTest, ControlPointsAreTrainingCameras) {
 TEST_F(MuseumTest, ImagesShowSomething) {
   const ImageSet set = LoadImageSet(*folder_ / "one");
   for (const ImageRecord& image : set.images) {
-    const GreyImage pixels = LoadGreyImage(set.FullPath(image));
+    const YuvImage pixels = LoadImage(set.FullPath(image));
     double sum = 0;
     double sum2 = 0;
     for (const std::uint8_t p : pixels.pixels) sum += p, sum2 += 1.0 * p * p;

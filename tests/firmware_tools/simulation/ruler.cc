@@ -43,7 +43,7 @@ std::vector<Photo> Describe(const ImageSet& set) {
   std::vector<Photo> photos;
   for (const ImageRecord& record : set.images) {
     if (record.location.empty()) continue;
-    GreyImage image = LoadGreyImage(set.FullPath(record));
+    YuvImage image = LoadImage(set.FullPath(record));
     const cv::Mat pixels(image.height, image.width, CV_8U, image.pixels.data());
     std::vector<cv::KeyPoint> points;
     Photo photo{record, {}, {}};

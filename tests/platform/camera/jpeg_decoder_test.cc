@@ -62,7 +62,7 @@ Bytes WithSize(Bytes jpeg, int width, int height) {
 
 TEST(DecodeJpegTest, GivesTheGreyThatWasEncoded) {
   for (const bool progressive : {false, true}) {
-    GreyImage image;
+    YuvImage image;
     ASSERT_TRUE(DecodeJpeg(GreyJpeg({.quality = 100, .progressive = progressive}), image).ok());
     EXPECT_EQ(image.width, kWidth);
     EXPECT_EQ(image.height, kHeight);
@@ -77,14 +77,14 @@ TEST(DecodeJpegTest, GivesTheLumaOfColours) {
     luma.push_back(
         static_cast<std::uint8_t>(0.299 * rgb[i] + 0.587 * rgb[i + 1] + 0.114 * rgb[i + 2] + 0.5));
   }
-  GreyImage image;
+  YuvImage image;
   ASSERT_TRUE(DecodeJpeg(EncodeJpeg(rgb, kWidth, kHeight, 3, {.quality = 100}), image).ok());
   EXPECT_LE(LargestDifference(image.pixels, luma), 2);
 }
 
 TEST(DecodeJpegTest, ProgressiveAndRestartMarksDoNotChangeThePixels) {
-  GreyImage baseline;
-  GreyImage other;
+  YuvImage baseline;
+  YuvImage other;
   ASSERT_TRUE(DecodeJpeg(GreyJpeg(), baseline).ok());
   ASSERT_TRUE(DecodeJpeg(GreyJpeg({.progressive = true}), other).ok());
   EXPECT_EQ(other.pixels, baseline.pixels);
@@ -93,7 +93,7 @@ TEST(DecodeJpegTest, ProgressiveAndRestartMarksDoNotChangeThePixels) {
 }
 
 TEST(DecodeJpegTest, KeepsItsMemoryBetweenFrames) {
-  GreyImage image;
+  YuvImage image;
   ASSERT_TRUE(DecodeJpeg(GreyJpeg(), image).ok());
   const std::uint8_t* const before = image.pixels.data();
   ASSERT_TRUE(DecodeJpeg(GreyJpeg({.quality = 30}), image).ok());
@@ -102,7 +102,7 @@ TEST(DecodeJpegTest, KeepsItsMemoryBetweenFrames) {
 
 TEST(DecodeJpegTest, OnePixel) {
   const Bytes pixel = {77};
-  GreyImage image;
+  YuvImage image;
   ASSERT_TRUE(DecodeJpeg(EncodeJpeg(pixel, 1, 1, 1), image).ok());
   EXPECT_EQ(image.width, 1);
   EXPECT_EQ(image.height, 1);
@@ -110,13 +110,13 @@ TEST(DecodeJpegTest, OnePixel) {
 }
 
 TEST(DecodeJpegTest, AllOrientations) {
-  GreyImage stored;
+  YuvImage stored;
   ASSERT_TRUE(DecodeJpeg(GreyJpeg(), stored).ok());
   for (int orientation = 1; orientation <= 8; ++orientation) {
     for (const bool big_endian : {false, true}) {
-      GreyImage expected;
+      YuvImage expected;
       Orient(stored, orientation, expected);
-      GreyImage image;
+      YuvImage image;
       ExifInfo exif;
       const Bytes jpeg = GreyJpeg({.app1 = MakeExif(orientation, 26, big_endian)});
       ASSERT_TRUE(DecodeJpeg(jpeg, image, &exif).ok());
@@ -132,7 +132,7 @@ TEST(DecodeJpegTest, AllOrientations) {
 TEST(DecodeJpegTest, WhatExifDoesNotSayIsNotInvented) {
   for (const Bytes& app1 : {Bytes(), MakeExif(0, 0, false), MakeExif(9, 0, true),
                             Bytes{'E', 'x', 'i', 'f', 0, 0}, Bytes{'h', 't', 't', 'p', ':'}}) {
-    GreyImage image;
+    YuvImage image;
     ExifInfo exif = {.orientation = 5, .focal_length_35mm = 1.0};
     ASSERT_TRUE(DecodeJpeg(GreyJpeg({.app1 = app1}), image, &exif).ok());
     EXPECT_EQ(exif.orientation, 1);
@@ -149,7 +149,7 @@ TEST(DecodeJpegTest, HostileExifNeverFailsTheDecode) {
     for (unsigned changes = 1 + random() % 8; changes > 0; --changes) {
       app1[6 + random() % (app1.size() - 6)] = static_cast<std::uint8_t>(random());
     }
-    GreyImage image;
+    YuvImage image;
     ASSERT_TRUE(DecodeJpeg(GreyJpeg({.app1 = app1}), image).ok()) << round;
     ASSERT_EQ(image.pixels.size(), std::size_t{kWidth} * kHeight);
   }
@@ -158,7 +158,7 @@ TEST(DecodeJpegTest, HostileExifNeverFailsTheDecode) {
 TEST(DecodeJpegTest, EveryTruncationIsRefused) {
   for (const bool progressive : {false, true}) {
     const Bytes jpeg = EncodeJpeg(ColourPixels(), kWidth, kHeight, 3, {.progressive = progressive});
-    GreyImage image;
+    YuvImage image;
     ASSERT_TRUE(DecodeJpeg(jpeg, image).ok());
     for (std::size_t size = 0; size < jpeg.size(); ++size) {
       const Status status = DecodeJpeg(std::span(jpeg).first(size), image);
@@ -170,7 +170,7 @@ TEST(DecodeJpegTest, EveryTruncationIsRefused) {
 
 TEST(DecodeJpegTest, TruncationIsNamed) {
   const Bytes jpeg = GreyJpeg();
-  GreyImage image;
+  YuvImage image;
   const Status status = DecodeJpeg(std::span(jpeg).first(jpeg.size() * 2 / 3), image);
   EXPECT_STREQ(status.text(), "damaged JPEG");
   EXPECT_EQ(status.detail(), "Premature end of JPEG file");
@@ -179,7 +179,7 @@ TEST(DecodeJpegTest, TruncationIsNamed) {
 TEST(DecodeJpegTest, BytesAfterTheEndAreIgnored) {
   Bytes jpeg = GreyJpeg();
   jpeg.insert(jpeg.end(), 100, 0xFF);
-  GreyImage image;
+  YuvImage image;
   EXPECT_TRUE(DecodeJpeg(jpeg, image).ok());
 }
 
@@ -193,7 +193,7 @@ TEST(DecodeJpegTest, FlippedBitsNeverCrash) {
       for (unsigned flips = 1 + random() % 4; flips > 0; --flips) {
         damaged[random() % damaged.size()] ^= static_cast<std::uint8_t>(1U << random() % 8);
       }
-      GreyImage image;
+      YuvImage image;
       if (DecodeJpeg(damaged, image).ok()) {
         ASSERT_EQ(image.pixels.size(), std::size_t(image.width) * image.height);
       } else {
@@ -206,7 +206,7 @@ TEST(DecodeJpegTest, FlippedBitsNeverCrash) {
 TEST(DecodeJpegTest, WhatIsNoJpegIsCalledSo) {
   const std::string text = "\x89PNG, say";
   for (const std::string& content : {text, std::string()}) {
-    GreyImage image;
+    YuvImage image;
     const Status status =
         DecodeJpeg({reinterpret_cast<const std::uint8_t*>(content.data()), content.size()}, image);
     EXPECT_EQ(status.code(), StatusCode::kCorrupt);
@@ -216,17 +216,17 @@ TEST(DecodeJpegTest, WhatIsNoJpegIsCalledSo) {
 
 TEST(DecodeJpegTest, RefusesSizesBeforeAllocating) {
   for (const auto& [width, height] : {std::pair(20000, 10), {10, 20000}, {16384, 1025}}) {
-    GreyImage image;
+    YuvImage image;
     const Status status = DecodeJpeg(WithSize(GreyJpeg(), width, height), image);
     EXPECT_EQ(status.code(), StatusCode::kUnsupported) << width << "x" << height;
     EXPECT_EQ(image.pixels.capacity(), 0U);
   }
-  GreyImage image;
+  YuvImage image;
   EXPECT_EQ(DecodeJpeg(WithSize(GreyJpeg(), 0, 10), image).code(), StatusCode::kCorrupt);
 }
 
 TEST(DecodeJpegTest, RefusesWhatItCannotTurnIntoLuma) {
-  GreyImage image;
+  YuvImage image;
   const Bytes cmyk(16 * 16 * 4, 100);
   EXPECT_EQ(DecodeJpeg(EncodeJpeg(cmyk, 16, 16, 4), image).code(), StatusCode::kUnsupported);
   Bytes twelve_bits = GreyJpeg();
@@ -235,7 +235,7 @@ TEST(DecodeJpegTest, RefusesWhatItCannotTurnIntoLuma) {
 }
 
 TEST(DecodeJpegTest, RefusesEndlessScans) {
-  GreyImage image;
+  YuvImage image;
   const Status status = DecodeJpeg(GreyJpeg({.one_scan_per_coefficient = true}), image);
   EXPECT_EQ(status.code(), StatusCode::kUnsupported);
   EXPECT_STREQ(status.text(), "JPEG has too many scans");

@@ -8,7 +8,7 @@ namespace {
 
 // 1 2 3
 // 4 5 6
-const GreyImage kStored = {3, 2, {1, 2, 3, 4, 5, 6}};
+const YuvImage kStored = {3, 2, {1, 2, 3, 4, 5, 6}};
 
 struct Case {
   int orientation;
@@ -24,7 +24,7 @@ TEST(OrientTest, TurnsAsExifSays) {
       {9, 3, {1, 2, 3, 4, 5, 6}},
   };
   for (const Case& c : cases) {
-    GreyImage upright;
+    YuvImage upright;
     Orient(kStored, c.orientation, upright);
     EXPECT_EQ(upright.width, c.width) << c.orientation;
     EXPECT_EQ(upright.height, 6 / c.width) << c.orientation;
@@ -32,10 +32,23 @@ TEST(OrientTest, TurnsAsExifSays) {
   }
 }
 
+TEST(OrientTest, ChromaTurnsAlong) {
+  YuvImage stored = {5, 3, std::vector<std::uint8_t>(15)};  // of 3 x 2 chroma
+  stored.cb = {1, 2, 3, 4, 5, 6};
+  stored.cr = {11, 12, 13, 14, 15, 16};
+  YuvImage upright;
+  Orient(stored, 6, upright);
+  EXPECT_EQ(upright.ChromaWidth(), 2);
+  EXPECT_EQ(upright.cb, (std::vector<std::uint8_t>{4, 1, 5, 2, 6, 3}));
+  EXPECT_EQ(upright.cr, (std::vector<std::uint8_t>{14, 11, 15, 12, 16, 13}));
+  Orient(kStored, 6, upright);
+  EXPECT_TRUE(upright.view().chroma.empty());
+}
+
 TEST(OrientTest, FourQuarterTurnsAreNone) {
-  GreyImage image = kStored;
+  YuvImage image = kStored;
   for (int i = 0; i < 4; ++i) {
-    GreyImage turned;
+    YuvImage turned;
     Orient(image, 6, turned);
     image = turned;
   }

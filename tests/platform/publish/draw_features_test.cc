@@ -21,7 +21,7 @@ class DrawFeaturesTest : public testing::Test {
     return colour[0] == colour[1] && colour[1] == colour[2];
   }
 
-  GreyImage frame_ = {40, 30, std::vector<std::uint8_t>(40 * 30, 100)};
+  YuvImage frame_ = {40, 30, std::vector<std::uint8_t>(40 * 30, 100)};
 };
 
 TEST_F(DrawFeaturesTest, TheFrameStaysAsItIsBetweenTheCircles) {

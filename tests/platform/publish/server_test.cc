@@ -203,7 +203,7 @@ TEST_F(ServerTest, ThePictureIsTheLastFrame) {
   const std::size_t body = reply.find("\r\n\r\n") + 4;
   const std::vector<std::uint8_t> jpeg(reply.begin() + static_cast<std::ptrdiff_t>(body),
                                        reply.end());
-  GreyImage decoded;
+  YuvImage decoded;
   ASSERT_TRUE(DecodeJpeg(jpeg, decoded).ok());
   EXPECT_EQ(decoded.width, 64);
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: BSD-3-Clause
-#include "platform/camera/v4l2/to_grey.h"
+#include "platform/camera/v4l2/to_yuv.h"
 
 #include <linux/videodev2.h>
 
@@ -11,30 +11,37 @@ namespace {
 
 enum class Layout { kBytes, kRgb, kBayer, kHigh, kCompressed };
 
+// Where a YUV format has its chroma: between the luma of two pixels, or behind all luma in one
+// plane of pairs or in two planes.
+enum class Chroma { kNone, kBetween, kPairs, kPlanes };
+
 struct Format {
   std::uint32_t fourcc;
   Layout layout;
   int pixel_bytes;  // of the first plane, from one pixel to the next
   int offset;       // of the luma, of red, of the high byte
   int shift;        // kHigh: what 16 bits are shifted by; kRgb: 2 where blue comes first
+  Chroma chroma = Chroma::kNone;
+  bool cr_first = false;
+  bool each_row = true;  // has chroma, else each second one
 };
 
 constexpr Format kFormats[] = {
     {V4L2_PIX_FMT_GREY, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_YUYV, Layout::kBytes, 2, 0, 0},
-    {V4L2_PIX_FMT_YVYU, Layout::kBytes, 2, 0, 0},
-    {V4L2_PIX_FMT_UYVY, Layout::kBytes, 2, 1, 0},
-    {V4L2_PIX_FMT_VYUY, Layout::kBytes, 2, 1, 0},
-    {V4L2_PIX_FMT_NV12, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_NV21, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_NV16, Layout::kBytes, 1, 0, 0},
+    {V4L2_PIX_FMT_YUYV, Layout::kBytes, 2, 0, 0, Chroma::kBetween},
+    {V4L2_PIX_FMT_YVYU, Layout::kBytes, 2, 0, 0, Chroma::kBetween, true},
+    {V4L2_PIX_FMT_UYVY, Layout::kBytes, 2, 1, 0, Chroma::kBetween},
+    {V4L2_PIX_FMT_VYUY, Layout::kBytes, 2, 1, 0, Chroma::kBetween, true},
+    {V4L2_PIX_FMT_NV12, Layout::kBytes, 1, 0, 0, Chroma::kPairs, false, false},
+    {V4L2_PIX_FMT_NV21, Layout::kBytes, 1, 0, 0, Chroma::kPairs, true, false},
+    {V4L2_PIX_FMT_NV16, Layout::kBytes, 1, 0, 0, Chroma::kPairs},
     {V4L2_PIX_FMT_NV12M, Layout::kBytes, 1, 0, 0},
     {V4L2_PIX_FMT_NV21M, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_YUV420, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_YVU420, Layout::kBytes, 1, 0, 0},
+    {V4L2_PIX_FMT_YUV420, Layout::kBytes, 1, 0, 0, Chroma::kPlanes, false, false},
+    {V4L2_PIX_FMT_YVU420, Layout::kBytes, 1, 0, 0, Chroma::kPlanes, true, false},
     {V4L2_PIX_FMT_YUV420M, Layout::kBytes, 1, 0, 0},
     {V4L2_PIX_FMT_YVU420M, Layout::kBytes, 1, 0, 0},
-    {V4L2_PIX_FMT_YUV422P, Layout::kBytes, 1, 0, 0},
+    {V4L2_PIX_FMT_YUV422P, Layout::kBytes, 1, 0, 0, Chroma::kPlanes},
     {V4L2_PIX_FMT_RGB24, Layout::kRgb, 3, 0, 0},
     {V4L2_PIX_FMT_BGR24, Layout::kRgb, 3, 0, 2},
     {V4L2_PIX_FMT_SBGGR8, Layout::kBayer, 1, 0, 0},
@@ -100,9 +107,86 @@ constexpr std::array<std::uint8_t, 256> MakeStretch() {
   return table;
 }
 
-void Stretch(GreyImage& grey) {
+// 16..240 to 0..255 about the neutral 128, rounded.
+constexpr std::array<std::uint8_t, 256> MakeChromaStretch() {
+  std::array<std::uint8_t, 256> table{};
+  for (int c = 0; c < 256; ++c) {
+    const int stretched = (c - 128) * 255;
+    const int rounded = (stretched + (stretched < 0 ? -112 : 112)) / 224;
+    table[c] = static_cast<std::uint8_t>(std::clamp(128 + rounded, 0, 255));
+  }
+  return table;
+}
+
+void Stretch(YuvImage& image) {
   static constexpr std::array<std::uint8_t, 256> kTable = MakeStretch();
-  for (std::uint8_t& pixel : grey.pixels) pixel = kTable[pixel];
+  static constexpr std::array<std::uint8_t, 256> kChromaTable = MakeChromaStretch();
+  for (std::uint8_t& pixel : image.pixels) pixel = kTable[pixel];
+  for (std::uint8_t& pixel : image.cb) pixel = kChromaTable[pixel];
+  for (std::uint8_t& pixel : image.cr) pixel = kChromaTable[pixel];
+}
+
+// Samples `step` bytes apart.
+void CopySamples(const std::uint8_t* from, int step, int count, std::uint8_t* to) {
+  for (int i = 0; i < count; ++i) to[i] = from[std::ptrdiff_t{i} * step];
+}
+
+// Where row y of a YUV image's chroma begins, counted from the image's first byte.
+struct ChromaRow {
+  std::size_t first = 0;   // of Cb, or of Cr if it comes first
+  std::size_t second = 0;  // of the other
+  int step = 1;            // from sample to sample
+};
+
+ChromaRow FindChroma(const Format& format, const RawImage& raw, int y) {
+  const std::size_t stride = Stride(format, raw), luma = stride * raw.height;
+  const std::size_t row = format.each_row ? std::min(2 * y, raw.height - 1) : y;
+  switch (format.chroma) {
+    case Chroma::kBetween: {
+      const std::size_t first = stride * row + 1 - format.offset;
+      return {first, first + 2, 4};
+    }
+    case Chroma::kPairs:
+      return {luma + stride * row, luma + stride * row + 1, 2};
+    default: {
+      const std::size_t rows = format.each_row ? raw.height : (raw.height + 1) / 2;
+      const std::size_t begin = luma + stride / 2 * row;
+      return {begin, begin + stride / 2 * rows, 1};
+    }
+  }
+}
+
+// Of 4:2:2 each second row. None where the driver keeps it elsewhere, or the width is odd.
+void CopyChroma(const Format& format, const RawImage& raw, YuvImage& image) {
+  const int width = raw.width / 2, height = image.ChromaHeight();
+  const ChromaRow last = FindChroma(format, raw, height - 1);
+  const std::size_t end = last.second + std::size_t(width - 1) * last.step + 1;
+  if (raw.width % 2 != 0 || raw.bytes.size() < end) return;
+  image.ResizeChroma();
+  for (int y = 0; y < height; ++y) {
+    const ChromaRow row = FindChroma(format, raw, y);
+    const std::size_t begin = std::size_t(y) * width;
+    const std::uint8_t* const bytes = raw.bytes.data();
+    CopySamples(bytes + row.first, row.step, width,
+                (format.cr_first ? image.cr : image.cb).data() + begin);
+    CopySamples(bytes + row.second, row.step, width,
+                (format.cr_first ? image.cb : image.cr).data() + begin);
+  }
+}
+
+// Of each second pixel of each second row.
+void ChromaOfRgb(const Format& format, const RawImage& raw, YuvImage& image) {
+  const int red = format.shift, blue = 2 - format.shift;
+  image.ResizeChroma();
+  for (int y = 0; y < image.ChromaHeight(); ++y) {
+    const std::uint8_t* pixel = raw.bytes.data() + Stride(format, raw) * 2 * y;
+    const std::size_t begin = std::size_t(y) * image.ChromaWidth();
+    for (int x = 0; x < image.ChromaWidth(); ++x, pixel += 6) {
+      const int r = pixel[red], g = pixel[1], b = pixel[blue];
+      image.cb[begin + x] = static_cast<std::uint8_t>(128 + ((128 * b - 85 * g - 43 * r) >> 8));
+      image.cr[begin + x] = static_cast<std::uint8_t>(128 + ((128 * r - 107 * g - 21 * b) >> 8));
+    }
+  }
 }
 
 void GreyRow(const Format& format, const RawImage& raw, int y, std::uint8_t* grey) {
@@ -140,22 +224,26 @@ std::size_t LumaBytes(const RawImage& raw) {
          std::size_t(format->pixel_bytes) * raw.width;
 }
 
-Status ToGrey(const RawImage& raw, int enough_side, GreyImage& grey) {
+Status ToYuv(const RawImage& raw, int enough_side, YuvImage& image) {
   const Format* format = FindFormat(raw.fourcc);
   if (format == nullptr) return {StatusCode::kUnsupported, "unknown pixel format"};
-  if (format->layout == Layout::kCompressed) return DecodeJpegReduced(raw.bytes, enough_side, grey);
+  if (format->layout == Layout::kCompressed)
+    return DecodeJpegReduced(raw.bytes, enough_side, image);
   const bool fits = raw.width > 0 && raw.height > 0 && raw.width <= kMaxImageSide &&
                     raw.height <= kMaxImageSide &&
                     std::int64_t{raw.width} * raw.height <= kMaxImagePixels;
   if (!fits) return {StatusCode::kUnsupported, "image is too large"};
   if (raw.bytes.size() < LumaBytes(raw)) return {StatusCode::kCorrupt, "frame has too few bytes"};
-  grey.width = raw.width;
-  grey.height = raw.height;
-  grey.pixels.resize(std::size_t(raw.width) * raw.height);
+  image.width = raw.width;
+  image.height = raw.height;
+  image.pixels.resize(std::size_t(raw.width) * raw.height);
   for (int y = 0; y < raw.height; ++y) {
-    GreyRow(*format, raw, y, grey.pixels.data() + std::size_t(y) * raw.width);
+    GreyRow(*format, raw, y, image.pixels.data() + std::size_t(y) * raw.width);
   }
-  if (raw.limited_range && format->layout == Layout::kBytes) Stretch(grey);
+  image.ClearChroma();
+  if (format->chroma != Chroma::kNone) CopyChroma(*format, raw, image);
+  if (format->layout == Layout::kRgb) ChromaOfRgb(*format, raw, image);
+  if (raw.limited_range && format->layout == Layout::kBytes) Stretch(image);
   return {};
 }
 
