@@ -58,9 +58,9 @@ check_ie_tower() {
   step "ie_tower, $1 words"
   train_and_eval ie_tower "ie_tower-$1" --words "$1"
   if [[ $1 -eq 2000 ]]; then
-    at_least "ie_tower-$1" location.by_level.0 0.86
-    at_least "ie_tower-$1" location.accuracy 0.86
-    at_least "ie_tower-$1" refusal.answered 0.74
+    at_least "ie_tower-$1" location.by_level.0 0.89
+    at_least "ie_tower-$1" location.accuracy 0.89
+    at_least "ie_tower-$1" refusal.answered 0.77
     at_most "ie_tower-$1" refusal.wrong_of_answered 0.02
     at_most "ie_tower-$1" model_bytes 8000000
   fi
