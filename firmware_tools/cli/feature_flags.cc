@@ -7,15 +7,19 @@
 namespace viewfix {
 
 void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
-  static const std::map<std::string, FeatureType> kTypes = {{"surf", FeatureType::kSurf},
-                                                            {"color-surf", FeatureType::kColorSurf},
-                                                            {"sift", FeatureType::kSift}};
+  static const std::map<std::string, FeatureType> kTypes = [] {
+    std::map<std::string, FeatureType> types;
+    for (const auto type : {FeatureType::kSurf, FeatureType::kColorSurf, FeatureType::kSift}) {
+      types.emplace(FeatureTypeName(type), type);
+    }
+    return types;
+  }();
   command
-      .add_option(
-          "--features", options.type,
+      .add_option_function<std::string>(
+          "--features", [&options](const std::string& name) { options.type = kTypes.at(name); },
           "surf; color-surf, where `train` has no map to check places by: sees colours, too; "
           "or sift (models for the laptop only)")
-      ->transform(CLI::CheckedTransformer(kTypes));
+      ->check(CLI::IsMember(kTypes));
   command
       .add_option("--max-features", options.max_features,
                   "features an image; where `train` has no map to check places by, 1600")
