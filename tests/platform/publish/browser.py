@@ -69,6 +69,15 @@ class _WebSocket:
                 return text.decode()
 
 
+# What the browser answers when the page asked is left for another before it has answered.
+_NAVIGATED = ('Inspected target navigated or closed', 'Execution context was destroyed.',
+              'Cannot find default execution context')
+
+
+class Navigated(RuntimeError):
+    """The page asked was left for another before it answered."""
+
+
 class Browser:
     """One page in a browser of its own; use it in a `with`."""
 
@@ -133,7 +142,9 @@ class Browser:
                 self.faults.append(message['params']['entry']['text'])
             if message.get('id') == self.last_id:
                 if 'error' in message:
-                    raise RuntimeError(f"{method}: {message['error']}")
+                    fault = message['error']
+                    kind = Navigated if fault['message'] in _NAVIGATED else RuntimeError
+                    raise kind(f'{method}: {fault}')
                 return message['result']
 
     def go(self, url):
@@ -147,12 +158,15 @@ class Browser:
         return result['result'].get('value')
 
     def wait_for(self, script, patience_s=60):
-        """Until the script's value is true; returns it."""
+        """Until the script's value is true, in this page or the one it leads to; returns it."""
         end = time.monotonic() + patience_s
         while time.monotonic() < end:
-            value = self.evaluate(script)
-            if value:
-                return value
+            try:
+                value = self.evaluate(script)
+                if value:
+                    return value
+            except Navigated:
+                pass  # the old page went while it was asked: ask the new one
             time.sleep(0.2)
         raise TimeoutError(f'never true: {script}')
 
