@@ -195,9 +195,10 @@ struct Localizer::State {
   int BestOtherLocation(const Fix& fix) const;
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
-  void Decide(Fix& fix) const;
-  float ConfidenceOf(float margin) const;
+  void Decide(float share, Fix& fix) const;
+  float ConfidenceOf(float margin, float share) const;
   std::optional<float> MarginAtLevel(const Fix& fix, int level) const;
+  float ShareAtLevel(const Fix& fix, int level) const;
   bool DecideAtLevel(Fix& fix) const;
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
@@ -303,10 +304,12 @@ void Localizer::State::FindRivals(Fix& fix) const {
   }
 }
 
-float Localizer::State::ConfidenceOf(float margin) const {
+//   share  of all evidence, where details give it (matching/place_evidence.h)
+float Localizer::State::ConfidenceOf(float margin, float share) const {
   const ModelConfidence& curve = model.confidence();
+  const float lead = margin + model.details().share_weight * share;
   return static_cast<float>(1.0 /
-                            (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * margin))));
+                            (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * lead))));
 }
 
 // The best guess's score less that of the best location that differs from it in the first `level`
@@ -323,20 +326,36 @@ std::optional<float> Localizer::State::MarginAtLevel(const Fix& fix, int level) 
   return scores[fix.location_idx] - *best_other;
 }
 
+// What details say for the locations that agree with the best guess in the first `level` parts of
+// their names, of all they say; 0 without details.
+float Localizer::State::ShareAtLevel(const Fix& fix, int level) const {
+  if (!places) return 0;
+  const std::string_view said = UpToLevel(model.location_name(fix.location_idx), level);
+  float agreeing = 0, all = 0;
+  for (std::size_t l = 0; l < places->evidence().size(); ++l) {
+    const float evidence = places->evidence()[l];
+    all += evidence;
+    if (UpToLevel(model.location_name(static_cast<int>(l)), level) == said) agreeing += evidence;
+  }
+  return all > 0 ? agreeing / all : 0;
+}
+
 // Where areas of one floor look alike, but like those of no other floor, the floor is answered.
 bool Localizer::State::DecideAtLevel(Fix& fix) const {
   for (int level = LevelsOf(model.location_name(fix.location_idx)) - 1; level > 0; --level) {
     const std::optional<float> margin = MarginAtLevel(fix, level);
-    if (!margin || !(ConfidenceOf(*margin) >= model.confidence().threshold)) continue;
+    if (!margin) continue;
+    const float confidence = ConfidenceOf(*margin, ShareAtLevel(fix, level));
+    if (!(confidence >= model.confidence().threshold)) continue;
     fix.level = level;
-    fix.confidence = ConfidenceOf(*margin);
+    fix.confidence = confidence;
     return true;
   }
   return false;
 }
 
-void Localizer::State::Decide(Fix& fix) const {
-  fix.confidence = ConfidenceOf(fix.margin);
+void Localizer::State::Decide(float share, Fix& fix) const {
+  fix.confidence = ConfidenceOf(fix.margin, share);
   fix.localized = fix.confidence >= model.confidence().threshold;
   if (fix.localized) return;
   fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
@@ -503,7 +522,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
 
 void Localizer::State::LocateByScore(Fix& fix) const {
   FindRivals(fix);
-  Decide(fix);
+  Decide(0, fix);
 }
 
 // Other locations that details speak for nearly as much, best first.
@@ -543,7 +562,7 @@ void Localizer::State::LocateByDetails(Fix& fix) {
     fix.evidence = places->evidence()[fix.location_idx];
     FindDetailRivals(fix);
   }
-  Decide(fix);
+  Decide(best.share, fix);
   if (!fix.localized && fix.num_rivals == 0) fix.reasons |= kLowInliers;
 }
 

@@ -138,6 +138,7 @@ struct ModelDetails {
   std::span<const std::uint8_t> list_size;  // [locations + 1, 2 words]
   std::span<const std::uint8_t> codes;      // [size, parts]
   float likeness_weight = 0;
+  float share_weight = 0;
 };
 
 // x = a px + b py + tx, y = b px - a py + ty, metres.

@@ -123,11 +123,13 @@ class PlaceEvidence {
 void ScorePlaces(std::span<const float> evidence, std::span<const float> likeness,
                  float likeness_weight, std::span<float> scores);
 
-// The location of which evidence speaks and whose score is highest, and the lead over the best
-// other. The lowest index among equals; -1 and 0 where there is no evidence.
+// The location of which evidence speaks and whose score is highest, the lead over the best other,
+// and its share of all evidence, 0..1: a place that the model does not know is like many a little.
+// The lowest index among equals; -1 and 0 where there is no evidence.
 struct BestPlace {
   int location_idx = -1;
   float margin = 0;
+  float share = 0;
 };
 BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> scores);
 

@@ -148,7 +148,7 @@ class Merger {
     if (theirs.codes.empty() || own.codes.empty()) return;
     const std::size_t lists = own.list_size.size() / (model_.locations.size() + 1);
     ModelData::DetailsData merged{own.parts, own.rotation, own.codebook,
-                                  {},        {},           theirs.likeness_weight};
+                                  {},        {},           theirs.likeness_weight, theirs.share_weight};
     for (int l = 0; l < static_cast<int>(base_location_.size()); ++l) {
       const bool kept = base_location_[l] >= 0;
       AddDetailsOf(kept ? theirs : own, lists, kept ? base_location_[l] : l, merged);

@@ -24,7 +24,7 @@ double Loss(std::span<const Outcome> outcomes, const Targets& targets, const Cur
   for (const Outcome& o : outcomes) {
     const double z = curve.offset + curve.slope * o.margin;
     const double target = o.right ? targets.right : targets.wrong;
-    loss += std::max(z, 0.0) - target * z + std::log1p(std::exp(-std::abs(z)));
+    loss += o.weight * (std::max(z, 0.0) - target * z + std::log1p(std::exp(-std::abs(z))));
   }
   return loss;
 }
@@ -34,8 +34,8 @@ Curve NewtonStep(std::span<const Outcome> outcomes, const Targets& targets, cons
   double g0 = 0, g1 = 0, h00 = 1e-9, h01 = 0, h11 = 1e-9;
   for (const Outcome& o : outcomes) {
     const double p = Logistic(curve.offset + curve.slope * o.margin);
-    const double error = p - (o.right ? targets.right : targets.wrong);
-    const double weight = p * (1 - p);
+    const double error = o.weight * (p - (o.right ? targets.right : targets.wrong));
+    const double weight = o.weight * p * (1 - p);
     g0 += error;
     g1 += error * o.margin;
     h00 += weight;
@@ -49,9 +49,8 @@ Curve NewtonStep(std::span<const Outcome> outcomes, const Targets& targets, cons
 }  // namespace
 
 ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
-  const auto right = static_cast<double>(
-      std::count_if(outcomes.begin(), outcomes.end(), [](const Outcome& o) { return o.right; }));
-  const double wrong = static_cast<double>(outcomes.size()) - right;
+  double right = 0, wrong = 0;
+  for (const Outcome& o : outcomes) (o.right ? right : wrong) += o.weight;
   const Targets targets = {(right + 1) / (right + 2), 1 / (wrong + 2)};
   Curve curve = {std::log((right + 1) / (wrong + 1)), 0};
   double loss = Loss(outcomes, targets, curve);
@@ -82,7 +81,9 @@ double ConfidenceOf(const ModelConfidence& confidence, double margin) {
 
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
   const Curve curve = {confidence.offset, confidence.slope};
-  return Loss(outcomes, {1, 0}, curve) / static_cast<double>(outcomes.size());
+  double weight = 0;
+  for (const Outcome& o : outcomes) weight += o.weight;
+  return Loss(outcomes, {1, 0}, curve) / weight;
 }
 
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,

@@ -7,10 +7,11 @@
 
 namespace viewfix {
 
-// A guess on held-out data: its margin, and whether it was right.
+// A guess on held-out data: its margin, whether it was right, and what it counts for.
 struct Outcome {
   double margin = 0;
   bool right = false;
+  double weight = 1;
 };
 
 // Fits p(right | margin) = 1 / (1 + exp(-(offset + slope margin))), slope >= 0, by maximum
@@ -21,11 +22,11 @@ ModelConfidence FitConfidence(std::span<const Outcome> outcomes);
 // Its value at a margin.
 double ConfidenceOf(const ModelConfidence& confidence, double margin);
 
-// Mean of -log p(what was) over the outcomes, at a curve.
+// Mean of -log p(what was) over the outcomes, weighed, at a curve.
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
 
 // Raises the curve's threshold, where need be, so far that of the outcomes answered no more than
-// `wrong_share` are wrong: the widest set of greatest margins for which that holds is answered.
+// `wrong_share` are wrong, whatever their weights: the widest set of greatest margins for which that holds is answered.
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
                        ModelConfidence& confidence);
 

@@ -86,39 +86,53 @@ struct HeldOutFrame {
   int location_idx = -1;                  // the right one; -1: the frame was not asked
 };
 
-std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames, float likeness_weight) {
+// What decides: likeness_weight and share_weight of engine/matching/place_evidence.h.
+struct PlaceWeights {
+  float likeness = 0;
+  float share = 0;
+};
+
+double LeadOf(const BestPlace& best, const PlaceWeights& weights) {
+  return double{best.margin} + double{weights.share} * double{best.share};
+}
+
+std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
+                                const PlaceWeights& weights) {
   std::vector<Outcome> outcomes;
   for (const HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
     std::vector<float> scores(frame.evidence.size());
-    ScorePlaces(frame.evidence, frame.likeness, likeness_weight, scores);
+    ScorePlaces(frame.evidence, frame.likeness, weights.likeness, scores);
     const BestPlace best = FindBestPlace(frame.evidence, scores);
-    outcomes.push_back({best.margin, best.location_idx == frame.location_idx});
+    outcomes.push_back({LeadOf(best, weights), best.location_idx == frame.location_idx});
   }
   return outcomes;
 }
 
 // Outcomes, all of them wrong, of the frames whose locations are hidden.
-std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames, float likeness_weight) {
+//   weight  what each counts for
+std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames,
+                                       const PlaceWeights& weights, double weight) {
   std::vector<Outcome> outcomes;
   for (HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
     frame.evidence_elsewhere.erase(frame.evidence_elsewhere.begin() + frame.location_idx);
     frame.likeness.erase(frame.likeness.begin() + frame.location_idx);
     std::vector<float> scores(frame.likeness.size());
-    ScorePlaces(frame.evidence_elsewhere, frame.likeness, likeness_weight, scores);
-    outcomes.push_back({FindBestPlace(frame.evidence_elsewhere, scores).margin, false});
+    ScorePlaces(frame.evidence_elsewhere, frame.likeness, weights.likeness, scores);
+    const BestPlace best = FindBestPlace(frame.evidence_elsewhere, scores);
+    outcomes.push_back({LeadOf(best, weights), false, weight});
   }
   return outcomes;
 }
 
-// The weight with which margins tell best whether the location is right.
-float ChooseLikenessWeight(const std::vector<HeldOutFrame>& frames) {
-  constexpr float kWeights[] = {0.0F, 1.5F, 3.0F, 4.5F, 6.0F, 9.0F};
+// The weight of those tried whose outcomes a curve fits best.
+template <typename OutcomesAt>
+float ChooseWeight(std::span<const float> tried, const OutcomesAt& outcomes_at) {
   float best = 0;
   double least = std::numeric_limits<double>::infinity();
-  for (const float weight : kWeights) {
-    const std::vector<Outcome> outcomes = OutcomesOf(frames, weight);
+  for (const float weight : tried) {
+    const std::vector<Outcome> outcomes = outcomes_at(weight);
     const double loss = LogLoss(outcomes, FitConfidence(outcomes));
     if (loss < least) {
       least = loss;
@@ -126,6 +140,25 @@ float ChooseLikenessWeight(const std::vector<HeldOutFrame>& frames) {
     }
   }
   return best;
+}
+
+// The weights with which it is told best whether the location is right: likeness among known
+// locations, then shares, known locations from hidden ones. Both at once would let the rare hidden
+// frames say how known ones are told apart.
+PlaceWeights ChooseWeights(const std::vector<HeldOutFrame>& frames, double hidden_weight) {
+  constexpr float kLikeness[] = {0.0F, 1.5F, 3.0F, 4.5F, 6.0F, 9.0F};
+  constexpr float kShare[] = {0.0F, 1.0F, 2.0F, 3.0F, 4.0F, 6.0F, 8.0F, 12.0F};
+  PlaceWeights weights;
+  weights.likeness = ChooseWeight(
+      kLikeness, [&](float likeness) { return OutcomesOf(frames, {.likeness = likeness}); });
+  weights.share = ChooseWeight(kShare, [&](float share) {
+    const PlaceWeights tried = {weights.likeness, share};
+    std::vector<Outcome> outcomes = OutcomesOf(frames, tried);
+    const auto elsewhere = OutcomesElsewhere(frames, tried, hidden_weight);
+    outcomes.insert(outcomes.end(), elsewhere.begin(), elsewhere.end());
+    return outcomes;
+  });
+  return weights;
 }
 
 class DetailTrainer {
@@ -152,9 +185,11 @@ class DetailTrainer {
       ModelData::DetailsData table = MakeTable(all, merge);
       if (table.codes.size() + table.list_size.size() > options_.max_bytes) continue;
       const std::vector<HeldOutFrame> frames = HoldOut(merge);
-      table.likeness_weight = ChooseLikenessWeight(frames);
-      trained.held_out = OutcomesOf(frames, table.likeness_weight);
-      trained.elsewhere = OutcomesElsewhere(frames, table.likeness_weight);
+      const PlaceWeights weights = ChooseWeights(frames, options_.hidden_weight);
+      table.likeness_weight = weights.likeness;
+      table.share_weight = weights.share;
+      trained.held_out = OutcomesOf(frames, weights);
+      trained.elsewhere = OutcomesElsewhere(frames, weights, options_.hidden_weight);
       trained.table = std::move(table);
       break;
     }

@@ -35,6 +35,9 @@ struct DetailOptions {
   // the images left than these, fewer will be: with each fifth of the IE Tower's training images put
   // aside, 0.015 made 1.2 % of the answers to those wrong (3 of 248), 0.012 0.8 % (2 of 241).
   double wrong_share = 0.012;
+  // What a frame of a location that is hidden counts for, where one of a known location counts one,
+  // when the weight of shares is chosen.
+  double hidden_weight = 0.1;
   int jobs = 0;  // 0: all cores
 };
 
@@ -55,7 +58,7 @@ struct DetailSource {
 struct TrainedDetails {
   ModelData::DetailsData table;  // no codes: too few features, or none asked for
   // Each frame as if it had not been in the set, one of `folds` of a location's, while those
-  // around it were; locations of one image are left out.
+  // around it were; locations of one image are left out. Margins with what shares add.
   std::vector<Outcome> held_out;
   // The same frames as if their locations were hidden: every answer would be wrong.
   std::vector<Outcome> elsewhere;

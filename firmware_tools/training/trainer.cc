@@ -315,6 +315,7 @@ Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confide
   const auto right = std::ranges::count_if(details.held_out, &Outcome::right);
   return {{"details", details.table.codes.size() / details.table.parts},
           {"likeness_weight", details.table.likeness_weight},
+          {"share_weight", details.table.share_weight},
           {"held_out", details.held_out.size()},
           {"right", right},
           {"answered", ShareAnswered(details.held_out, confidence)},

@@ -125,6 +125,8 @@ void AddTinyDetails(ModelData& data) {
   data.details.list_size.assign(std::size_t{3} * 2 * kWords, 1);
   data.details.codes.resize(data.details.list_size.size() * 8);
   for (std::uint8_t& code : data.details.codes) code = static_cast<std::uint8_t>(random());
+  data.details.likeness_weight = 1.5F;
+  data.details.share_weight = 2;
 }
 
 std::vector<std::int8_t> NoRotation(int dim) {

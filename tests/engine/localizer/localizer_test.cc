@@ -282,6 +282,32 @@ TEST_F(LocalizerTest, WhereDetailsOfOneFloorsAreasAreSeenTheFloorIsSaid) {
   EXPECT_GT(fix->rival_evidence, fix->evidence / 2);
 }
 
+// The logit grows by slope * share_weight * share, of the floor where the floor is said.
+TEST_F(LocalizerTest, ConfidenceGrowsWithTheShareOfAllEvidence) {
+  const auto pixels = Blocks(320, 240, 1);
+  const auto logit_with = [&](float share_weight, int every) {
+    ModelData data = WithDetailsOf(pixels, TwoFloors(0), [&](int i) { return i % every; });
+    data.confidence = {.offset = -12, .slope = 0.25F, .threshold = 0};
+    data.details.share_weight = share_weight;
+    Localizer localizer = Make(data);
+    const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
+    return std::log(fix->confidence / (1 - fix->confidence));
+  };
+  EXPECT_NEAR(logit_with(8, 1) - logit_with(0, 1), 0.25F * 8, 1e-2) << "all say one area";
+  const float halves = (logit_with(8, 2) - logit_with(0, 2)) / (0.25F * 8);
+  EXPECT_GT(halves, 0.45F) << "two areas alike";
+  EXPECT_LT(halves, 0.75F);
+  const auto floor_with = [&](float share_weight) {
+    ModelData data = WithDetailsOf(pixels, TwoFloors(0), [](int i) { return i % 2; });
+    data.confidence = {.offset = -12, .slope = 0.5F, .threshold = 0.5F};
+    data.details.share_weight = share_weight;
+    Localizer localizer = Make(data);
+    return *localizer.Localize({pixels.data(), 320, 240, 320});
+  };
+  EXPECT_EQ(floor_with(16).level, 1);
+  EXPECT_TRUE(floor_with(16).localized);
+}
+
 TEST_F(LocalizerTest, DetailsDecide) {
   const auto pixels = Blocks(320, 240, 1);
   ModelData data = DetailsOf(pixels);

@@ -277,6 +277,7 @@ TEST(ScorePlaces, ALikeViewCountsAgainstALocation) {
   const BestPlace best = FindBestPlace(evidence, scores);
   EXPECT_EQ(best.location_idx, 1);
   EXPECT_EQ(best.margin, 0.5F);
+  EXPECT_EQ(best.share, 9.0F / 22);
 }
 
 TEST(FindBestPlace, NoLocationWithoutEvidenceIsBest) {

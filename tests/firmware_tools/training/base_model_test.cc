@@ -171,9 +171,12 @@ TEST(BaseModelTest, DetailsOfKeptLocationsStay) {
   AddTinyDetails(base.data);
   ModelData model = TrainedAgain(base.data);
   for (std::uint8_t& code : model.details.codes) code ^= 0xFF;
+  model.details.likeness_weight = model.details.share_weight = 0;
   const ModelData trained = model;
   KeepUnchanged(base, true, model);
   ASSERT_TRUE(WriteModel(model).ok());
+  EXPECT_EQ(model.details.likeness_weight, base.data.details.likeness_weight);
+  EXPECT_EQ(model.details.share_weight, base.data.details.share_weight);
   // As many of each of two locations, and common ones, which stay the base's.
   const std::size_t bytes = model.details.codes.size() / 3;
   for (std::size_t i = 0; i < model.details.codes.size(); ++i) {

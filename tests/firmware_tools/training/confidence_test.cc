@@ -28,6 +28,19 @@ TEST(FitConfidence, RecoversTheCurveThatMadeTheData) {
   EXPECT_NEAR(curve.slope, 3, 0.15);
 }
 
+TEST(FitConfidence, AnOutcomeOfWeightTwoIsTwo) {
+  std::vector<Outcome> heavy = Draw(-1, 3, 100), twice = heavy;
+  for (int i = 0; i < 100; i += 3) {
+    heavy[i].weight = 2;
+    twice.push_back(twice[i]);
+  }
+  const ModelConfidence curve = FitConfidence(heavy), same = FitConfidence(twice);
+  EXPECT_NEAR(curve.offset, same.offset, 1e-5);
+  EXPECT_NEAR(curve.slope, same.slope, 1e-5);
+  EXPECT_NEAR(LogLoss(heavy, curve), LogLoss(twice, curve), 1e-9);
+  EXPECT_GT(std::abs(curve.slope - FitConfidence(Draw(-1, 3, 100)).slope), 1e-3);
+}
+
 TEST(FitConfidence, SeparableOutcomesStayFinite) {
   std::vector<Outcome> outcomes;
   for (int i = 0; i < 20; ++i) outcomes.push_back({0.1 * i, i >= 10});
