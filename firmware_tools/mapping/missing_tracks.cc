@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 #include <cstdlib>
 #include <map>
 #include <numeric>
 #include <opencv2/imgproc.hpp>
+#include <optional>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -57,11 +59,28 @@ struct FarPair {
 };
 
 struct PatchCount {
-  int patches = 0;
-  int holes = 0;
+  std::int64_t patches = 0;
+  std::int64_t holes = 0;
 };
 
 enum class Verdict { kSame, kUnknown, kLookAlike };
+
+// What two walks, or two groups of walks, share.
+struct Shared {
+  PatchCount count;
+  int dropped = 0;  // of the pairs
+  int pairs = 0;
+
+  void Add(const Shared& other) {
+    count.patches += other.count.patches;
+    count.holes += other.count.holes;
+    dropped += other.dropped;
+    pairs += other.pairs;
+  }
+  double HoleShare() const {
+    return static_cast<double>(count.holes) / static_cast<double>(count.patches);
+  }
+};
 
 // Chances of the tracks of one side of a few pairs.
 class Tally {
@@ -116,8 +135,7 @@ class MissingTracks {
 
   std::vector<VerifiedPair> Keep() {
     std::vector<Verdict> verdicts(pairs_.size(), Verdict::kSame);
-    JudgeStretches(verdicts);
-    DropLookAlikeWalks(verdicts);
+    JudgeGroups(JudgeStretches(verdicts), verdicts);
     DropChanceLinks(verdicts);
     std::vector<VerifiedPair> kept;
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
@@ -212,8 +230,10 @@ class MissingTracks {
            part(keypoint.x, camera.width, kColumns);
   }
 
-  // Pairs of the same two blocks of frames are judged as one, by all pairs about them.
-  void JudgeStretches(std::vector<Verdict>& verdicts) const {
+  // Pairs of the same two blocks of frames are judged as one, by all pairs about them. Returns what
+  // the walks share.
+  std::map<Walks, Shared> JudgeStretches(std::vector<Verdict>& verdicts) const {
+    std::map<Walks, Shared> shared;
     std::map<Walks, std::vector<const FarPair*>> of_walks;
     for (const FarPair& far : far_) of_walks[WalksOf(pairs_[far.pair_idx])].push_back(&far);
     Tally tally(num_tracks_);
@@ -224,13 +244,18 @@ class MissingTracks {
         of_blocks[{order_.Position(a) / kBlock, order_.Position(b) / kBlock}].push_back(far);
       }
       for (const auto& [blocks, judged] : of_blocks) {
-        const Verdict verdict = Judge(blocks.first, blocks.second, all, tally);
+        const PatchCount count = CountAbout(blocks.first, blocks.second, all, tally);
+        const Verdict verdict = Judge(count);
         for (const FarPair* far : judged) verdicts[far->pair_idx] = verdict;
+        const int pairs = static_cast<int>(judged.size());
+        shared[walks].Add({count, verdict == Verdict::kLookAlike ? pairs : 0, pairs});
       }
     }
+    return shared;
   }
 
-  Verdict Judge(int block_a, int block_b, std::span<const FarPair* const> all, Tally& tally) const {
+  PatchCount CountAbout(int block_a, int block_b, std::span<const FarPair* const> all,
+                        Tally& tally) const {
     std::vector<const FarPair*> about;
     for (const FarPair* far : all) {
       const auto [a, b] = pairs_[far->pair_idx].frames;
@@ -241,8 +266,13 @@ class MissingTracks {
     }
     PatchCount count;
     for (const int side : {0, 1}) tally.Count(about, side, options_.min_chances, count);
+    return count;
+  }
+
+  Verdict Judge(const PatchCount& count) const {
     if (count.patches < options_.min_patches) return Verdict::kUnknown;
-    return count.holes > options_.max_holes * count.patches ? Verdict::kLookAlike : Verdict::kSame;
+    const double most = options_.max_holes * static_cast<double>(count.patches);
+    return static_cast<double>(count.holes) > most ? Verdict::kLookAlike : Verdict::kSame;
   }
 
   Walks WalksOf(const VerifiedPair& pair) const {
@@ -250,20 +280,65 @@ class MissingTracks {
             input_.frames[pair.frames.second_idx].capture};
   }
 
-  // Where much of what two walks share shows look-alikes, the rest was only not found out.
-  void DropLookAlikeWalks(std::vector<Verdict>& verdicts) const {
-    std::map<Walks, std::pair<int, int>> dropped_of;  // and of how many
-    for (std::size_t i = 0; i < pairs_.size(); ++i) {
-      auto& [dropped, all] = dropped_of[WalksOf(pairs_[i])];
-      dropped += verdicts[i] == Verdict::kLookAlike ? 1 : 0;
-      ++all;
+  bool AreLookAlikes(const Shared& shared) const {
+    return shared.dropped > options_.max_dropped * shared.pairs;
+  }
+
+  // Walks of one place are put together, those that share most surely first. Where much of what two
+  // groups share shows look-alikes, the rest was only not found out: a walk that sees little but what
+  // two places share goes with the place that it leaves fewer holes in.
+  void JudgeGroups(const std::map<Walks, Shared>& shared_of_walks,
+                   std::vector<Verdict>& verdicts) const {
+    std::map<std::string, std::string> group_of;  // by walk; named after one of its walks
+    for (const auto& [walks, shared] : shared_of_walks) {
+      group_of[walks.first] = walks.first;
+      group_of[walks.second] = walks.second;
     }
+    std::map<Walks, Shared> of_groups;
+    for (const auto& [walks, shared] : shared_of_walks) of_groups[InOrder(walks)].Add(shared);
+    while (const auto surest = Surest(of_groups)) Join(*surest, group_of, of_groups);
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
       const Walks walks = WalksOf(pairs_[i]);
-      const auto [dropped, all] = dropped_of[walks];
-      const bool doubtful = dropped > options_.max_dropped * all;
-      if (doubtful) verdicts[i] = Verdict::kLookAlike;
+      if (walks.first == walks.second) continue;
+      const auto shared = of_groups.find(InOrder({group_of[walks.first], group_of[walks.second]}));
+      if (shared != of_groups.end() && AreLookAlikes(shared->second)) {
+        verdicts[i] = Verdict::kLookAlike;
+      }
     }
+  }
+
+  static Walks InOrder(Walks walks) {
+    if (walks.second < walks.first) std::swap(walks.first, walks.second);
+    return walks;
+  }
+
+  // Of two groups that show one place: those that leave the fewest holes.
+  std::optional<Walks> Surest(const std::map<Walks, Shared>& of_groups) const {
+    std::optional<Walks> surest;
+    double least = 0;
+    for (const auto& [groups, shared] : of_groups) {
+      if (Judge(shared.count) != Verdict::kSame || AreLookAlikes(shared)) continue;
+      if (surest && shared.HoleShare() >= least) continue;
+      surest = groups;
+      least = shared.HoleShare();
+    }
+    return surest;
+  }
+
+  // What either shared with a third is shared by both.
+  static void Join(const Walks& groups, std::map<std::string, std::string>& group_of,
+                   std::map<Walks, Shared>& of_groups) {
+    const auto& [kept, joined] = groups;
+    for (auto& [walk, group] : group_of) {
+      if (group == joined) group = kept;
+    }
+    std::map<Walks, Shared> left;
+    for (const auto& [pair, shared] : of_groups) {
+      if (pair == groups) continue;
+      const auto renamed = [&](const std::string& name) { return name == joined ? kept : name; };
+      left[InOrder({renamed(pair.first), renamed(pair.second)})].Add(shared);
+    }
+    of_groups = std::move(left);
   }
 
   void DropChanceLinks(std::vector<Verdict>& verdicts) const {

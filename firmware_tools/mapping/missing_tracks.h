@@ -17,7 +17,8 @@ struct MissingTrackOptions {
   // of their goods each pair of stretches has 0.06 or more, of a room seen again 99 % have less.
   double max_holes = 0.05;
   int min_patches = 20;
-  // Two walks of whose pairs a greater share shows look-alikes have none of one place.
+  // Two walks, or groups of walks of one place each, of whose pairs a greater share shows
+  // look-alikes have none of one place.
   double max_dropped = 0.3;
   // Pairs do not join groups of so many frames if they are fewer than min_links: chance gives a
   // few.
@@ -33,8 +34,9 @@ struct MissingTrackOptions {
 // stretch, at a scale that can be found there, should be seen there once in a few chances. In one
 // place seen again a few tracks here and there are missed; between look-alikes most tracks of
 // whole patches of the image are. Pairs between stretches with too many such holes are dropped,
-// and what else two walks (captures) share, if that is much of it. Then pairs that are few, if they
-// alone join what other pairs do not: one door, or poster, can hang in many rooms. Order is kept.
+// and what else two walks (captures), or two groups of walks that show one place each, share, if
+// that is much of it. Then pairs that are few, if they alone join what other pairs do not: one
+// door, or poster, can hang in many rooms. Order is kept.
 std::vector<VerifiedPair> DropPairsMissingTracks(const MapInput& input,
                                                  std::span<const VerifiedPair> pairs,
                                                  const MissingTrackOptions& options = {});

@@ -10,7 +10,8 @@
 # --full      all test images: the museum's, and those of the real image sets in
 #             $VIEWFIX_DATA, else ../shared/data; about a second a frame. It takes an hour
 #
-# The museum is compared always, real photographs with --full or --frames; only --full has
+# The museum is compared always, with a map, and without one, where features have colours and
+# details decide (8 frames); real photographs with --full or --frames. Only --full has
 # the museum whole, else a third of its photographs and fewer words do. On each
 # build the models go through the store too, which has them answer their golden
 # queries. Needs the builds host-release and ARCH-release. Prints a table; exit
@@ -114,6 +115,8 @@ main() {
   "$HOST_BIN/viewfix" simulate --out "$WORK/museum" --seed 1 "${small_museum[@]}"
   train "$WORK/museum" "$WORK/museum.vfx" "${few_words[@]}"
   compare_set museum "$WORK/museum" "$WORK/museum.vfx" "$frames"
+  train "$WORK/museum" "$WORK/colours.vfx" --map none "${few_words[@]}"
+  compare_set colours "$WORK/museum" "$WORK/colours.vfx" "${frames:+8}"
   if [[ $real -eq 1 && -d $DATA/hololens ]]; then
     train "$DATA/hololens" "$WORK/hololens.vfx"
     compare_set hololens "$DATA/hololens" "$WORK/hololens.vfx" "$frames"

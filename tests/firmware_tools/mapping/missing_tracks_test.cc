@@ -4,8 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <functional>
 #include <random>
+#include <string>
 
 namespace viewfix {
 namespace {
@@ -22,13 +24,20 @@ bool Everywhere(int, int) { return true; }
 // Shelves 8 key points wide, of which each other holds something else.
 bool EachOtherShelf(int column, int) { return column / 8 % 2 == 0; }
 
+bool OneShelf(int column, int) { return column < 8; }
+
+// One shelf but for a patch of the image (of which 48 hold it).
+bool OneShelfButAPatch(int column, int row) {
+  return OneShelf(column, row) && !(column / 2 == 1 && row / 2 == 5);
+}
+
 bool APoster(int column, int row) { return column < 6 && row < 5; }
 
-// Two walks of 12 frames, each of which sees one grid of key points all along. What matches
-// between the walks is up to the test.
-class TwoWalks {
+// Walks of 12 frames, each of which sees one grid of key points all along. What matches between
+// the walks is up to the test.
+class Walks {
  public:
-  TwoWalks() {
+  explicit Walks(int count = 2) {
     for (int row = 0; row < kDown; ++row) {
       for (int column = 0; column < kAcross; ++column) {
         features_.keypoints.push_back({.x = 10.0F + 20.0F * static_cast<float>(column),
@@ -38,14 +47,12 @@ class TwoWalks {
     }
     input.cameras.push_back(
         {.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 319.5, .cy = 239.5});
-    for (int f = 0; f < 2 * kFrames; ++f) {
+    for (int f = 0; f < count * kFrames; ++f) {
       MapFrame& frame = input.frames.emplace_back();
-      frame.capture = f < kFrames ? "walk 1" : "walk 2";
+      frame.capture = "walk " + std::to_string(1 + f / kFrames);
       frame.features = &features_;
-    }
-    for (int f = 0; f < 2 * kFrames; ++f) {
-      for (int next = f + 1; next < f + 4 && next < (f < kFrames ? kFrames : 2 * kFrames); ++next) {
-        AddPair(f, next, Everywhere);
+      for (int before = std::max(f - 3, f / kFrames * kFrames); before < f; ++before) {
+        AddPair(before, f, Everywhere);
       }
     }
     in_order = pairs.size();
@@ -59,14 +66,20 @@ class TwoWalks {
     pairs.push_back(std::move(pair));
   }
 
-  // Between the first frames of the walks, `count` of them each.
-  void Link(int count, const Matches& matches) {
+  // Between the first frames of two walks, `count` of them each.
+  void Link(int count, const Matches& matches, int first = 0, int second = 1) {
     for (int a = 0; a < count; ++a) {
-      for (int b = kFrames; b < kFrames + count; ++b) AddPair(a, b, matches);
+      for (int b = 0; b < count; ++b) AddPair(first * kFrames + a, second * kFrames + b, matches);
     }
   }
 
   std::size_t Kept() const { return DropPairsMissingTracks(input, pairs).size(); }
+  std::size_t KeptBetween(int first, int second) const {
+    const auto kept = DropPairsMissingTracks(input, pairs);
+    return std::count_if(kept.begin(), kept.end(), [&](const VerifiedPair& pair) {
+      return pair.frames.first_idx / kFrames == first && pair.frames.second_idx / kFrames == second;
+    });
+  }
 
   MapInput input;
   std::vector<VerifiedPair> pairs;
@@ -77,20 +90,36 @@ class TwoWalks {
 };
 
 TEST(DropPairsMissingTracks, APlaceSeenAgainMissesATrackHereAndThere) {
-  TwoWalks walks;
+  Walks walks;
   std::mt19937 random(1);
   walks.Link(5, [&](int, int) { return random() % 3 > 0; });
   EXPECT_EQ(walks.Kept(), walks.pairs.size());
 }
 
 TEST(DropPairsMissingTracks, LookAlikesShareShelvesButNotAll) {
-  TwoWalks walks;
+  Walks walks;
   walks.Link(5, EachOtherShelf);
   EXPECT_EQ(walks.Kept(), walks.in_order);
 }
 
+// Walks 0 and 3 show one place, 1 and 2 its look-alike. All that walk 0 sees of the other is a shelf
+// that both have, with hardly a hole: what the others of its place say counts for it, too.
+TEST(DropPairsMissingTracks, AWalkThatSeesWhatIsSharedGoesWithItsPlace) {
+  Walks walks(4);
+  walks.Link(5, OneShelfButAPatch, 0, 1);
+  EXPECT_EQ(walks.Kept(), walks.pairs.size()) << "by itself it cannot be told";
+  walks.Link(5, OneShelf, 0, 3);
+  walks.Link(5, Everywhere, 1, 2);
+  walks.Link(5, EachOtherShelf, 1, 3);
+  walks.Link(5, EachOtherShelf, 2, 3);
+  EXPECT_EQ(walks.KeptBetween(0, 1), 0U);
+  EXPECT_EQ(walks.KeptBetween(0, 3), 25U);
+  EXPECT_EQ(walks.KeptBetween(1, 2), 25U);
+  EXPECT_EQ(walks.Kept(), walks.in_order + 50);
+}
+
 TEST(DropPairsMissingTracks, WhatIsTooSmallToBeFoundThereIsNotMissed) {
-  TwoWalks walks;
+  Walks walks;
   walks.Link(5, EachOtherShelf);
   ImageFeatures far_off = *walks.input.frames.back().features;
   for (Keypoint& keypoint : far_off.keypoints) keypoint.sigma = 2;
@@ -102,20 +131,20 @@ TEST(DropPairsMissingTracks, WhatIsTooSmallToBeFoundThereIsNotMissed) {
 }
 
 TEST(DropPairsMissingTracks, APosterJoinsNoWalks) {
-  TwoWalks walks;
+  Walks walks;
   walks.Link(2, APoster);
   EXPECT_EQ(walks.Kept(), walks.in_order);
 }
 
 TEST(DropPairsMissingTracks, ManyPairsOfLittleJoin) {
-  TwoWalks walks;
+  Walks walks;
   walks.Link(2, APoster);
   for (int a = 4; a < kFrames; ++a) walks.AddPair(a, a + kFrames, APoster);
   EXPECT_EQ(walks.Kept(), walks.pairs.size());
 }
 
 TEST(DropPairsMissingTracks, PhotographsWithoutOrderStay) {
-  TwoWalks walks;
+  Walks walks;
   for (MapFrame& frame : walks.input.frames) {
     frame.capture = std::to_string(&frame - walks.input.frames.data());
   }
