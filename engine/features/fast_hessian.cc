@@ -108,8 +108,8 @@ std::optional<Refined> Refine(const Neighbourhood& v) {
   return refined;
 }
 
-// Rows about a sample: rows[layer][row], each 0..2, the sample in the middle.
-using RowTriples = std::array<std::array<const float*, 3>, 3>;
+// Rows about a sample: rows[layer][row], three of each, the sample in the middle.
+using RowTriple = std::array<const float*, 3>;
 
 // Of equal neighbours the first in order wins, so that a plateau gives one point.
 bool ExceedsRow(float value, const float* row, int x, bool earlier) {
@@ -118,7 +118,7 @@ bool ExceedsRow(float value, const float* row, int x, bool earlier) {
   return value >= p[-1] && value >= p[0] && value >= p[1];
 }
 
-bool IsMaximum(const RowTriples& rows, int x) {
+bool IsMaximum(const RowTriple* rows, int x) {
   const float value = rows[1][1][x];
   if (value <= rows[1][1][x - 1] || value < rows[1][1][x + 1]) return false;
   if (!ExceedsRow(value, rows[1][0], x, true) || !ExceedsRow(value, rows[1][2], x, false)) {
@@ -131,7 +131,7 @@ bool IsMaximum(const RowTriples& rows, int x) {
   return true;
 }
 
-Neighbourhood Gather(const RowTriples& rows, int x) {
+Neighbourhood Gather(const RowTriple* rows, int x) {
   Neighbourhood v;
   for (int layer = 0; layer < 3; ++layer) {
     for (int row = 0; row < 3; ++row) {
@@ -379,10 +379,12 @@ void FastHessian::Detect(const IntegralImage& image, float threshold, GridSelect
 // The last but one that was filled.
 void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int columns,
                             float threshold, GridSelector& selector) {
+  std::array<RowTriple, kMaxLayers> rows;
   LayerRows values;
   LayerRows greatest;
   for (int layer = 0; layer < kMaxLayers; ++layer) {
-    values[layer] = Row(octave, layer, row);
+    for (int i = 0; i < 3; ++i) rows[layer][i] = Row(octave, layer, row + i - 1);
+    values[layer] = rows[layer][1];
     greatest[layer] = GreatestRow(layer);
   }
   if (kOctaves[octave].layers == kMaxLayers) {
@@ -397,24 +399,15 @@ void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int
     std::memcpy(&marks, &marks_[i], sizeof(marks));
     for (; marks != 0; marks &= marks - 1) {
       const int bit = std::countr_zero(marks);
-      const int column = i + bit / 8;
+      const int column = i + bit / 8, layer = bit % 8;
       if (column < 1 || column >= columns - 1) continue;
-      AddMaximum(image, octave, bit % 8, column, row, selector);
+      if (!IsMaximum(&rows[layer - 1], column)) continue;
+      const std::optional<Refined> refined = Refine(Gather(&rows[layer - 1], column));
+      if (refined) {
+        selector.Add(MakeKeypoint(image, kOctaves[octave], layer, column, row, *refined));
+      }
     }
   }
-}
-
-// If the candidate is one.
-void FastHessian::AddMaximum(const IntegralImage& image, int octave, int layer, int column,
-                             int row, GridSelector& selector) {
-  RowTriples rows;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) rows[i][j] = Row(octave, layer + i - 1, row + j - 1);
-  }
-  if (!IsMaximum(rows, column)) return;
-  const std::optional<Refined> refined = Refine(Gather(rows, column));
-  if (!refined) return;
-  selector.Add(MakeKeypoint(image, kOctaves[octave], layer, column, row, *refined));
 }
 
 }  // namespace viewfix

@@ -47,8 +47,6 @@ class FastHessian {
   void FillRow(const IntegralImage& image, int octave, int row, int columns);
   void SearchRow(const IntegralImage& image, int octave, int row, int columns, float threshold,
                  GridSelector& selector);
-  void AddMaximum(const IntegralImage& image, int octave, int layer, int column, int row,
-                  GridSelector& selector);
 
   CpuPath path_;
   int stride_;                              // floats a row, whole vectors
