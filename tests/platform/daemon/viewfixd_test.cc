@@ -11,6 +11,8 @@
 #include <iterator>
 #include <sstream>
 
+#include "engine/features/chroma_contrast.h"
+#include "engine/features/surf_descriptor.h"
 #include "tests/testing/jpeg_encoder.h"
 #include "tests/testing/landmark_site.h"
 #include "tests/testing/run_program.h"
@@ -227,6 +229,35 @@ std::string CalibrationYaml(const LandmarkSite& site, double fx) {
        << "\ncamera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  data: [" << fx
        << ", 0, " << c.cx << ", 0, " << fx << ", " << c.cy << ", 0, 0, 1]\n";
   return yaml.str();
+}
+
+// The tiny model with words of features that have colours, all of them grey.
+ModelData ColourModelData() {
+  ModelData data = TinyModelData();
+  std::vector<std::int8_t> words;
+  for (auto word = data.words.begin(); word != data.words.end(); word += kSurfDim) {
+    words.insert(words.end(), word, word + kSurfDim);
+    words.insert(words.end(), kChromaDim, 0);
+  }
+  data.words = std::move(words);
+  data.features.type = static_cast<std::uint8_t>(FeatureType::kColorSurf);
+  data.features.descriptor_dim = kSurfDim + kChromaDim;
+  return data;
+}
+
+TEST_F(ViewfixdTest, FramesWithoutTheColoursThatTheModelWantsAreWarnedOfOnce) {
+  const std::string model = folder_.Write("colours.vfx", *WriteModel(ColourModelData()));
+  const auto errors_of = [&](int channels) {
+    const auto pixels = MakeTexture(channels * kWidth, kHeight, 1);
+    for (const char* name : {"frames/0.jpg", "frames/1.jpg"}) {
+      folder_.Write(name, EncodeJpeg(pixels, kWidth, kHeight, channels));
+    }
+    return Viewfixd({"--model", model, "--camera", "replay:" + folder_ / "frames"}).err;
+  };
+  EXPECT_THAT(Lines(errors_of(1)), SizeIs(2));
+  EXPECT_THAT(errors_of(1), HasSubstr("frames come without"));
+  EXPECT_THAT(errors_of(1), HasSubstr("--features surf"));
+  EXPECT_THAT(errors_of(3), Not(HasSubstr("frames come without")));
 }
 
 TEST_F(ViewfixdTest, CalibrationReplacesTheModelsCamera) {
