@@ -82,7 +82,7 @@ class Decoder {
     image.height = static_cast<int>(info_.output_height);
     image.pixels.resize(std::size_t{info_.output_width} * info_.output_height);
     image.ClearChroma();
-    if (info_.jpeg_color_space != JCS_YCbCr) {
+    if (image.luma_only || info_.jpeg_color_space != JCS_YCbCr) {
       return GuardedReadGrey(image.pixels.data()) ? Status() : Failure();
     }
     image.ResizeChroma();
@@ -227,6 +227,7 @@ Status DecodeJpeg(std::span<const std::uint8_t> bytes, YuvImage& image, ExifInfo
   if (Status status = decoder.ReadHeader(bytes); !status.ok()) return status;
   const ExifInfo found = decoder.exif();
   YuvImage stored;
+  stored.luma_only = image.luma_only;
   YuvImage& pixels = found.orientation == 1 ? image : stored;
   if (Status status = decoder.ReadPixels(0, pixels); !status.ok()) {
     image.width = image.height = 0;

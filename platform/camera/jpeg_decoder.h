@@ -19,6 +19,8 @@ struct YuvImage {
   std::vector<std::uint8_t> pixels;
   std::vector<std::uint8_t> cb = {};
   std::vector<std::uint8_t> cr = {};
+  // Asks whoever fills the image to leave chroma out, which most of a JPEG's decoding goes into.
+  bool luma_only = false;
 
   int ChromaWidth() const { return (width + 1) / 2; }
   int ChromaHeight() const { return (height + 1) / 2; }

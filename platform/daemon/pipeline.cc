@@ -23,6 +23,10 @@ constexpr std::int64_t kIdleAfterNs = 2 * kSecondNs;
 // While idle, so often is looked whether something moves.
 constexpr std::int64_t kIdleLookNs = kSecondNs / 5;
 
+bool WantsColours(const LoadedModel& model) {
+  return model.view.features().type == static_cast<std::uint8_t>(FeatureType::kColorSurf);
+}
+
 }  // namespace
 
 Pipeline::Pipeline(std::unique_ptr<FrameSource> source, const PipelineRates& rates, Parts parts)
@@ -98,6 +102,8 @@ void Pipeline::AdoptSource() {
 
 void Pipeline::CaptureOne(Frame& frame) {
   source_->SetMinInterval(wanted_interval_ns_);
+  const std::shared_ptr<LoadedModel> model = parts_.models->Current();
+  frame.image.luma_only = model != nullptr && !WantsColours(*model);
   const Status status = source_->Next(frame);
   if (live_) {
     const CameraCondition condition = source_->condition();
@@ -154,10 +160,10 @@ bool Pipeline::Turn(Frame& frame) {
   return Answer(frame);
 }
 
+// Frames that the model before wanted without colours say nothing of the camera.
 void Pipeline::WarnOfMissingColours(const Frame& frame) {
-  const bool wanted =
-      model_->view.features().type == static_cast<std::uint8_t>(FeatureType::kColorSurf);
-  if (!wanted || !frame.image.view().chroma.empty()) return;
+  if (!WantsColours(*model_) || frame.image.luma_only) return;
+  if (!frame.image.view().chroma.empty()) return;
   log_.Write(LogLevel::kWarning,
              "the model knows places by their colours, too, and frames come without: choose "
              "another pixel format, or train it with --features surf");

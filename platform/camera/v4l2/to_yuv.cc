@@ -241,8 +241,8 @@ Status ToYuv(const RawImage& raw, int enough_side, YuvImage& image) {
     GreyRow(*format, raw, y, image.pixels.data() + std::size_t(y) * raw.width);
   }
   image.ClearChroma();
-  if (format->chroma != Chroma::kNone) CopyChroma(*format, raw, image);
-  if (format->layout == Layout::kRgb) ChromaOfRgb(*format, raw, image);
+  if (!image.luma_only && format->chroma != Chroma::kNone) CopyChroma(*format, raw, image);
+  if (!image.luma_only && format->layout == Layout::kRgb) ChromaOfRgb(*format, raw, image);
   if (raw.limited_range && format->layout == Layout::kBytes) Stretch(image);
   return {};
 }

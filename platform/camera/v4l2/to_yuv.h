@@ -24,7 +24,7 @@ std::size_t LumaBytes(const RawImage& raw);
 // and below, which always are one red, two green and one blue; Y10, Y12, Y16: the upper eight bits.
 // MJPEG is decoded at 1/2, 1/4 or 1/8 as long as its longer side stays at least `enough_side`.
 // Chroma comes with YUV, as far as it lies behind the luma, with RGB and MJPEG; other formats have
-// none.
+// none, and none does where image.luma_only says so.
 // kCorrupt: too few bytes, or a JPEG that does not decode; kUnsupported: another format. Equal
 // bytes give equal pixels on every processor. Allocates only where `image` is too small (MJPEG:
 // what libjpeg needs).

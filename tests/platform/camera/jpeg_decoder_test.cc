@@ -82,6 +82,25 @@ TEST(DecodeJpegTest, GivesTheLumaOfColours) {
   EXPECT_LE(LargestDifference(image.pixels, luma), 2);
 }
 
+TEST(DecodeJpegTest, LeavesChromaOutWhereItIsNotWanted) {
+  for (const int orientation : {1, 6}) {
+    const Bytes jpeg = EncodeJpeg(ColourPixels(), kWidth, kHeight, 3,
+                                  {.app1 = MakeExif(orientation, 0, false)});
+    YuvImage whole, luma;
+    luma.luma_only = true;
+    ASSERT_TRUE(DecodeJpeg(jpeg, whole).ok());
+    ASSERT_TRUE(DecodeJpeg(jpeg, luma).ok());
+    EXPECT_FALSE(whole.view().chroma.empty());
+    EXPECT_TRUE(luma.view().chroma.empty());
+    EXPECT_EQ(luma.pixels, whole.pixels);
+    ASSERT_TRUE(DecodeJpegReduced(jpeg, 1000, luma).ok());
+    EXPECT_TRUE(luma.view().chroma.empty());
+    luma.luma_only = false;
+    ASSERT_TRUE(DecodeJpeg(jpeg, luma).ok());
+    EXPECT_EQ(luma.cb, whole.cb);
+  }
+}
+
 TEST(DecodeJpegTest, ProgressiveAndRestartMarksDoNotChangeThePixels) {
   YuvImage baseline;
   YuvImage other;

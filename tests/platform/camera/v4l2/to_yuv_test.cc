@@ -111,6 +111,17 @@ TEST(ToYuvTest, WithoutChromaThereIsNone) {
   EXPECT_TRUE(grey.view().chroma.empty());
 }
 
+TEST(ToYuvTest, ChromaIsLeftOutWhereItIsNotWanted) {
+  YuvImage image;
+  image.luma_only = true;
+  for (const std::uint32_t fourcc : {V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_RGB24}) {
+    const std::vector<std::uint8_t> bytes(12, 50);
+    ASSERT_TRUE(ToYuv({fourcc, 2, 2, 0, false, bytes}, 0, image).ok());
+    EXPECT_TRUE(image.view().chroma.empty());
+    EXPECT_EQ(image.pixels[0], 50);
+  }
+}
+
 TEST(ToYuvTest, RgbHasTheChromaOfJpeg) {
   YuvImage grey;
   const std::vector<std::uint8_t> rgb = {255, 0, 0, 9,  9,  9,  0, 0, 255,
