@@ -198,8 +198,7 @@ struct Localizer::State {
   void Decide(float share, Fix& fix) const;
   float ConfidenceOf(float margin, float share) const;
   std::optional<float> MarginAtLevel(const Fix& fix, int level) const;
-  float ShareAtLevel(const Fix& fix, int level) const;
-  bool DecideAtLevel(Fix& fix) const;
+  bool DecideAtLevel(float share, Fix& fix) const;
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
@@ -307,7 +306,7 @@ void Localizer::State::FindRivals(Fix& fix) const {
 //   share  of all evidence, where details give it (matching/place_evidence.h)
 float Localizer::State::ConfidenceOf(float margin, float share) const {
   const ModelConfidence& curve = model.confidence();
-  const float lead = margin + model.details().share_weight * share;
+  const float lead = LeadOf(margin, share, model.details().share_weight);
   return static_cast<float>(1.0 /
                             (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * lead))));
 }
@@ -326,26 +325,13 @@ std::optional<float> Localizer::State::MarginAtLevel(const Fix& fix, int level) 
   return scores[fix.location_idx] - *best_other;
 }
 
-// What details say for the locations that agree with the best guess in the first `level` parts of
-// their names, of all they say; 0 without details.
-float Localizer::State::ShareAtLevel(const Fix& fix, int level) const {
-  if (!places) return 0;
-  const std::string_view said = UpToLevel(model.location_name(fix.location_idx), level);
-  float agreeing = 0, all = 0;
-  for (std::size_t l = 0; l < places->evidence().size(); ++l) {
-    const float evidence = places->evidence()[l];
-    all += evidence;
-    if (UpToLevel(model.location_name(static_cast<int>(l)), level) == said) agreeing += evidence;
-  }
-  return all > 0 ? agreeing / all : 0;
-}
-
-// Where areas of one floor look alike, but like those of no other floor, the floor is answered.
-bool Localizer::State::DecideAtLevel(Fix& fix) const {
+// Where areas of one floor look alike, but like those of no other floor, the floor is answered. The
+// share is still the area's: what all areas of a large floor have together says little.
+bool Localizer::State::DecideAtLevel(float share, Fix& fix) const {
   for (int level = LevelsOf(model.location_name(fix.location_idx)) - 1; level > 0; --level) {
     const std::optional<float> margin = MarginAtLevel(fix, level);
     if (!margin) continue;
-    const float confidence = ConfidenceOf(*margin, ShareAtLevel(fix, level));
+    const float confidence = ConfidenceOf(*margin, share);
     if (!(confidence >= model.confidence().threshold)) continue;
     fix.level = level;
     fix.confidence = confidence;
@@ -359,7 +345,7 @@ void Localizer::State::Decide(float share, Fix& fix) const {
   fix.localized = fix.confidence >= model.confidence().threshold;
   if (fix.localized) return;
   fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
-  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(fix);
+  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(share, fix);
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses

@@ -389,8 +389,8 @@ Status ModelView::LoadDetails() {
   if (size < 1 || size > kMaxDetails || list_size.size() != (scoring_.num_locations + 1) * lists) {
     return Corrupt("model's lists of details have wrong sizes");
   }
-  details_ = {static_cast<int>(size), d->parts(), Span(d->rotation()),
-              Span(d->codebook()),    list_size,  Span(d->codes()),
+  details_ = {static_cast<int>(size), d->parts(),       Span(d->rotation()),
+              Span(d->codebook()),    list_size,        Span(d->codes()),
               d->likeness_weight(),   d->share_weight()};
   const ModelDetails& m = details_;
   const std::size_t turned_dim = m.rotation.size() / dim;

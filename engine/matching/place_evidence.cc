@@ -325,7 +325,8 @@ BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> 
     if (&score == &scores[best.location_idx]) continue;
     if (other == nullptr || score > *other) other = &score;
   }
-  best.share = evidence[best.location_idx] / std::accumulate(evidence.begin(), evidence.end(), 0.0F);
+  best.share =
+      evidence[best.location_idx] / std::accumulate(evidence.begin(), evidence.end(), 0.0F);
   best.margin = other == nullptr ? 0.0F : std::max(scores[best.location_idx] - *other, 0.0F);
   return best;
 }

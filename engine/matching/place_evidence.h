@@ -133,4 +133,10 @@ struct BestPlace {
 };
 BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> scores);
 
+// What the confidence is a curve of.
+//   share_weight  what all of the evidence counts for, in units of the margin
+inline float LeadOf(float margin, float share, float share_weight) {
+  return margin + share_weight * share;
+}
+
 }  // namespace viewfix

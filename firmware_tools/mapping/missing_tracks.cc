@@ -77,8 +77,9 @@ struct Shared {
     dropped += other.dropped;
     pairs += other.pairs;
   }
+  // Few patches without a hole say less than many.
   double HoleShare() const {
-    return static_cast<double>(count.holes) / static_cast<double>(count.patches);
+    return static_cast<double>(count.holes + 1) / static_cast<double>(count.patches + 1);
   }
 };
 
@@ -285,8 +286,8 @@ class MissingTracks {
   }
 
   // Walks of one place are put together, those that share most surely first. Where much of what two
-  // groups share shows look-alikes, the rest was only not found out: a walk that sees little but what
-  // two places share goes with the place that it leaves fewer holes in.
+  // groups share shows look-alikes, the rest was only not found out: a walk that sees little but
+  // what two places share goes with the place that it leaves fewer holes in.
   void JudgeGroups(const std::map<Walks, Shared>& shared_of_walks,
                    std::vector<Verdict>& verdicts) const {
     std::map<std::string, std::string> group_of;  // by walk; named after one of its walks
@@ -294,14 +295,16 @@ class MissingTracks {
       group_of[walks.first] = walks.first;
       group_of[walks.second] = walks.second;
     }
-    std::map<Walks, Shared> of_groups;
-    for (const auto& [walks, shared] : shared_of_walks) of_groups[InOrder(walks)].Add(shared);
+    std::map<Walks, Shared> of_walks;
+    for (const auto& [walks, shared] : shared_of_walks) of_walks[InOrder(walks)].Add(shared);
+    std::map<Walks, Shared> of_groups = of_walks;
     while (const auto surest = Surest(of_groups)) Join(*surest, group_of, of_groups);
     for (std::size_t i = 0; i < pairs_.size(); ++i) {
       const Walks walks = WalksOf(pairs_[i]);
       if (walks.first == walks.second) continue;
       const auto shared = of_groups.find(InOrder({group_of[walks.first], group_of[walks.second]}));
-      if (shared != of_groups.end() && AreLookAlikes(shared->second)) {
+      const bool of_two_places = shared != of_groups.end() && AreLookAlikes(shared->second);
+      if (of_two_places || AreLookAlikes(of_walks.at(InOrder(walks)))) {
         verdicts[i] = Verdict::kLookAlike;
       }
     }
@@ -317,7 +320,8 @@ class MissingTracks {
     std::optional<Walks> surest;
     double least = 0;
     for (const auto& [groups, shared] : of_groups) {
-      if (Judge(shared.count) != Verdict::kSame || AreLookAlikes(shared)) continue;
+      if (shared.pairs < options_.min_links || AreLookAlikes(shared)) continue;
+      if (Judge(shared.count) != Verdict::kSame) continue;
       if (surest && shared.HoleShare() >= least) continue;
       surest = groups;
       least = shared.HoleShare();

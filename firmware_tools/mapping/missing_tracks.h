@@ -20,8 +20,8 @@ struct MissingTrackOptions {
   // Two walks, or groups of walks of one place each, of whose pairs a greater share shows
   // look-alikes have none of one place.
   double max_dropped = 0.3;
-  // Pairs do not join groups of so many frames if they are fewer than min_links: chance gives a
-  // few.
+  // Pairs do not join groups of so many frames, nor walks, if they are fewer than min_links: chance
+  // gives a few.
   int min_frames = 10;
   int min_links = 12;
 };

@@ -229,7 +229,7 @@ SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candi
     const auto its_pairs =
         Among<VerifiedPair>(believed, taken, [](const VerifiedPair& pair) { return pair.frames; });
     ColmapOptions colmap = options.colmap;
-    colmap.work_folder /= "map" + std::string(1, static_cast<char>('1' + m));
+    colmap.work_folder /= "map" + std::to_string(m + 1);
     Reconstruction map = Mapper(its_candidates, its_pairs, options, jobs, stages)
                              .Map(Restrict(input, taken), colmap);
     const bool is_worth_it = static_cast<int>(map.images.size()) >= options.min_frames;

@@ -39,8 +39,9 @@ class Merger {
 
   BaseReport Merge() {
     BaseReport report = MatchLocations();
-    // Scores by another rule are not on the scale of those that are kept.
-    if (model_.location_rule != base_.location_rule) model_.confidence = base_.confidence;
+    // Scores by another rule are not on the scale of those that are kept. Details have their own.
+    const bool other_rule = model_.location_rule != base_.location_rule;
+    if (other_rule && model_.details.codes.empty()) model_.confidence = base_.confidence;
     model_.location_rule = base_.location_rule;
     model_.keyframe_weight = base_.keyframe_weight;
     KeepScores();
@@ -147,8 +148,9 @@ class Merger {
     const ModelData::DetailsData& own = model_.details;
     if (theirs.codes.empty() || own.codes.empty()) return;
     const std::size_t lists = own.list_size.size() / (model_.locations.size() + 1);
-    ModelData::DetailsData merged{own.parts, own.rotation, own.codebook,
-                                  {},        {},           theirs.likeness_weight, theirs.share_weight};
+    // The weights stay those that the confidence was fitted with.
+    ModelData::DetailsData merged{own.parts, own.rotation,        own.codebook,    {},
+                                  {},        own.likeness_weight, own.share_weight};
     for (int l = 0; l < static_cast<int>(base_location_.size()); ++l) {
       const bool kept = base_location_[l] >= 0;
       AddDetailsOf(kept ? theirs : own, lists, kept ? base_location_[l] : l, merged);

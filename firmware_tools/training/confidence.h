@@ -7,7 +7,8 @@
 
 namespace viewfix {
 
-// A guess on held-out data: its margin, whether it was right, and what it counts for.
+// A guess on held-out data: its margin, or what the confidence is a curve of instead, whether it
+// was right, and what it counts for.
 struct Outcome {
   double margin = 0;
   bool right = false;
@@ -26,7 +27,8 @@ double ConfidenceOf(const ModelConfidence& confidence, double margin);
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
 
 // Raises the curve's threshold, where need be, so far that of the outcomes answered no more than
-// `wrong_share` are wrong, whatever their weights: the widest set of greatest margins for which that holds is answered.
+// `wrong_share` are wrong, whatever their weights: the widest set of greatest margins for which
+// that holds is answered.
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
                        ModelConfidence& confidence);
 

@@ -86,15 +86,11 @@ struct HeldOutFrame {
   int location_idx = -1;                  // the right one; -1: the frame was not asked
 };
 
-// What decides: likeness_weight and share_weight of engine/matching/place_evidence.h.
+// Of ScorePlaces() and LeadOf().
 struct PlaceWeights {
   float likeness = 0;
   float share = 0;
 };
-
-double LeadOf(const BestPlace& best, const PlaceWeights& weights) {
-  return double{best.margin} + double{weights.share} * double{best.share};
-}
 
 std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
                                 const PlaceWeights& weights) {
@@ -104,7 +100,8 @@ std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
     std::vector<float> scores(frame.evidence.size());
     ScorePlaces(frame.evidence, frame.likeness, weights.likeness, scores);
     const BestPlace best = FindBestPlace(frame.evidence, scores);
-    outcomes.push_back({LeadOf(best, weights), best.location_idx == frame.location_idx});
+    outcomes.push_back({double{LeadOf(best.margin, best.share, weights.share)},
+                        best.location_idx == frame.location_idx});
   }
   return outcomes;
 }
@@ -121,7 +118,7 @@ std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames,
     std::vector<float> scores(frame.likeness.size());
     ScorePlaces(frame.evidence_elsewhere, frame.likeness, weights.likeness, scores);
     const BestPlace best = FindBestPlace(frame.evidence_elsewhere, scores);
-    outcomes.push_back({LeadOf(best, weights), false, weight});
+    outcomes.push_back({double{LeadOf(best.margin, best.share, weights.share)}, false, weight});
   }
   return outcomes;
 }
@@ -189,7 +186,7 @@ class DetailTrainer {
       table.likeness_weight = weights.likeness;
       table.share_weight = weights.share;
       trained.held_out = OutcomesOf(frames, weights);
-      trained.elsewhere = OutcomesElsewhere(frames, weights, options_.hidden_weight);
+      trained.elsewhere = OutcomesElsewhere(frames, weights, 1);
       trained.table = std::move(table);
       break;
     }
@@ -242,7 +239,8 @@ class DetailTrainer {
     Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(dim_, dim_);
     std::vector<std::int8_t> rest(dim_);
     for (const Feature& f : some) {
-      SubtractWord(Descriptor(f), source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_, rest.data());
+      SubtractWord(Descriptor(f), source_.words.data() + std::size_t(WordOf(f)) * dim_, dim_,
+                   rest.data());
       const Eigen::VectorXd r =
           Eigen::Map<const Eigen::Matrix<std::int8_t, Eigen::Dynamic, 1>>(rest.data(), dim_)
               .cast<double>();

@@ -322,7 +322,8 @@ Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confide
           {"elsewhere_answered", ShareAnswered(details.elsewhere, confidence)}};
 }
 
-// What they tell decides, so that the confidence is that of their margin. Returns how they fared.
+// What they tell decides, so that the confidence is a curve of their margin and share. Returns how
+// they fared.
 TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& options,
                           const StageProgress& stages, ModelData& model) {
   if (!model.landmark_position.empty() || options.details.max_bytes == 0) return {};

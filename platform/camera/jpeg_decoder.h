@@ -47,7 +47,7 @@ struct ExifInfo {
   std::optional<double> focal_length_35mm;  // millimetres on a 36 x 24 mm frame
 };
 
-// Luma of a JPEG, and chroma if it is YCbCr, with its EXIF orientation applied. Laptop and board
+// Luma of a JPEG, and chroma if it is YCbCr and image.luma_only does not say no, with its EXIF orientation applied. Laptop and board
 // decode with this one function, so that they see the same pixels. A truncated or damaged stream is
 // an error (kCorrupt), never a half-grey picture; sizes above kMaxImageSide / kMaxImagePixels are
 // kUnsupported.

@@ -58,6 +58,7 @@ void OrientPlane(const std::vector<std::uint8_t>& stored, int width, int height,
 }  // namespace
 
 void Orient(const YuvImage& stored, int orientation, YuvImage& upright) {
+  upright.luma_only = stored.luma_only;
   upright.width = OnItsSide(orientation) ? stored.height : stored.width;
   upright.height = OnItsSide(orientation) ? stored.width : stored.height;
   OrientPlane(stored.pixels, stored.width, stored.height, orientation, upright.pixels);

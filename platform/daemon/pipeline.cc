@@ -102,8 +102,7 @@ void Pipeline::AdoptSource() {
 
 void Pipeline::CaptureOne(Frame& frame) {
   source_->SetMinInterval(wanted_interval_ns_);
-  const std::shared_ptr<LoadedModel> model = parts_.models->Current();
-  frame.image.luma_only = model != nullptr && !WantsColours(*model);
+  frame.image.luma_only = LumaIsEnough();
   const Status status = source_->Next(frame);
   if (live_) {
     const CameraCondition condition = source_->condition();
@@ -121,6 +120,11 @@ void Pipeline::CaptureOne(Frame& frame) {
   }
   log_.Write(status);
   parts_.health->CountFailed();
+}
+
+bool Pipeline::LumaIsEnough() const {
+  const std::shared_ptr<LoadedModel> model = parts_.models->Current();
+  return model != nullptr && !WantsColours(*model);
 }
 
 void Pipeline::Hand(Frame& frame) {
@@ -153,16 +157,18 @@ bool Pipeline::Turn(Frame& frame) {
     model_ = std::move(current);
     answerer_.emplace();  // what was known of the motion was of the old map
     scene_ = SceneChange();
-    if (model_ != nullptr) WarnOfMissingColours(frame);
+    colours_looked_for_ = false;
   }
   if (model_ == nullptr) return SayWhyNothing();
+  LookForColours(frame);
   if (live_ && Still(frame)) return true;
   return Answer(frame);
 }
 
-// Frames that the model before wanted without colours say nothing of the camera.
-void Pipeline::WarnOfMissingColours(const Frame& frame) {
-  if (!WantsColours(*model_) || frame.image.luma_only) return;
+// Once a model; frames that the model before wanted without colours say nothing of the camera.
+void Pipeline::LookForColours(const Frame& frame) {
+  if (colours_looked_for_ || !WantsColours(*model_) || frame.image.luma_only) return;
+  colours_looked_for_ = true;
   if (!frame.image.view().chroma.empty()) return;
   log_.Write(LogLevel::kWarning,
              "the model knows places by their colours, too, and frames come without: choose "

@@ -62,10 +62,11 @@ class Pipeline {
   void Capture();
   void AdoptSource();
   void CaptureOne(Frame& frame);
+  bool LumaIsEnough() const;
   void Hand(Frame& frame);
   void LocalizeFrames();
   bool Turn(Frame& frame);
-  void WarnOfMissingColours(const Frame& frame);
+  void LookForColours(const Frame& frame);
   bool WaitUntilDue();
   bool Still(const Frame& frame);
   bool Answer(Frame& frame);
@@ -100,6 +101,7 @@ class Pipeline {
   std::shared_ptr<LoadedModel> model_;
   std::optional<FrameAnswerer> answerer_;
   SceneChange scene_;
+  bool colours_looked_for_ = false;  // since model_ came
   JsonLine state_line_;
   std::int64_t began_ns_ = 0;  // of the last frame answered
   std::int64_t moved_ns_ = 0;  // when something last moved

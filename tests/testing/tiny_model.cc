@@ -6,7 +6,9 @@
 #include <random>
 #include <utility>
 
+#include "engine/features/chroma_contrast.h"
 #include "engine/features/feature_extractor.h"
+#include "engine/features/surf_descriptor.h"
 
 namespace viewfix {
 namespace {
@@ -127,6 +129,19 @@ void AddTinyDetails(ModelData& data) {
   for (std::uint8_t& code : data.details.codes) code = static_cast<std::uint8_t>(random());
   data.details.likeness_weight = 1.5F;
   data.details.share_weight = 2;
+}
+
+ModelData ColourModelData() {
+  ModelData data = TinyModelData();
+  std::vector<std::int8_t> words;
+  for (auto word = data.words.begin(); word != data.words.end(); word += kSurfDim) {
+    words.insert(words.end(), word, word + kSurfDim);
+    words.insert(words.end(), kChromaDim, 0);
+  }
+  data.words = std::move(words);
+  data.features.type = static_cast<std::uint8_t>(FeatureType::kColorSurf);
+  data.features.descriptor_dim = kSurfDim + kChromaDim;
+  return data;
 }
 
 std::vector<std::int8_t> NoRotation(int dim) {

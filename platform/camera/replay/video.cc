@@ -147,6 +147,7 @@ class Video : public Recording {
         return {StatusCode::kNotFound, "end of video"};
       }
     }
+    if (frame.image.luma_only) frame.image.ClearChroma();
     return {};
   }
 

@@ -282,30 +282,26 @@ TEST_F(LocalizerTest, WhereDetailsOfOneFloorsAreasAreSeenTheFloorIsSaid) {
   EXPECT_GT(fix->rival_evidence, fix->evidence / 2);
 }
 
-// The logit grows by slope * share_weight * share, of the floor where the floor is said.
+// The logit grows by slope * share_weight * share, the area's, where its floor is said, too.
 TEST_F(LocalizerTest, ConfidenceGrowsWithTheShareOfAllEvidence) {
   const auto pixels = Blocks(320, 240, 1);
-  const auto logit_with = [&](float share_weight, int every) {
+  const auto fix_with = [&](float share_weight, int every) {
     ModelData data = WithDetailsOf(pixels, TwoFloors(0), [&](int i) { return i % every; });
-    data.confidence = {.offset = -12, .slope = 0.25F, .threshold = 0};
-    data.details.share_weight = share_weight;
-    Localizer localizer = Make(data);
-    const auto fix = localizer.Localize({pixels.data(), 320, 240, 320});
-    return std::log(fix->confidence / (1 - fix->confidence));
-  };
-  EXPECT_NEAR(logit_with(8, 1) - logit_with(0, 1), 0.25F * 8, 1e-2) << "all say one area";
-  const float halves = (logit_with(8, 2) - logit_with(0, 2)) / (0.25F * 8);
-  EXPECT_GT(halves, 0.45F) << "two areas alike";
-  EXPECT_LT(halves, 0.75F);
-  const auto floor_with = [&](float share_weight) {
-    ModelData data = WithDetailsOf(pixels, TwoFloors(0), [](int i) { return i % 2; });
-    data.confidence = {.offset = -12, .slope = 0.5F, .threshold = 0.5F};
+    data.confidence = {.offset = -2, .slope = 0.125F, .threshold = 0.3F};
     data.details.share_weight = share_weight;
     Localizer localizer = Make(data);
     return *localizer.Localize({pixels.data(), 320, 240, 320});
   };
-  EXPECT_EQ(floor_with(16).level, 1);
-  EXPECT_TRUE(floor_with(16).localized);
+  const auto logit_of = [](const Fix& fix) {
+    return std::log(fix.confidence / (1 - fix.confidence));
+  };
+  EXPECT_NEAR(logit_of(fix_with(8, 1)) - logit_of(fix_with(0, 1)), 0.125F * 8, 1e-2);
+  const Fix without = fix_with(0, 2), with = fix_with(4, 2);  // two areas of one floor
+  EXPECT_EQ(without.level, 1);
+  EXPECT_EQ(with.level, 1);
+  const float share = with.evidence / (with.evidence + with.rival_evidence);
+  EXPECT_LT(share, 0.8F);
+  EXPECT_NEAR(logit_of(with) - logit_of(without), 0.125F * 4 * share, 1e-2);
 }
 
 TEST_F(LocalizerTest, DetailsDecide) {

@@ -232,6 +232,7 @@ TEST(PlaceEvidence, WhatEveryLocationHasSaysNothing) {
   evidence.Weigh(QueryOf(site, 0), std::vector<Keypoint>(1), kBothWords, 2);
   EXPECT_THAT(evidence.evidence(), Each(0));
   EXPECT_EQ(FindBestPlace(evidence.evidence(), evidence.evidence()).location_idx, -1);
+  EXPECT_EQ(FindBestPlace(evidence.evidence(), evidence.evidence()).share, 0);
 }
 
 TEST(PlaceEvidence, ACommonDetailSaysNothing) {

@@ -26,7 +26,7 @@ bool EachOtherShelf(int column, int) { return column / 8 % 2 == 0; }
 
 bool OneShelf(int column, int) { return column < 8; }
 
-// One shelf but for a patch of the image (of which 48 hold it).
+// One shelf; one of its 48 patches of the image is missing.
 bool OneShelfButAPatch(int column, int row) {
   return OneShelf(column, row) && !(column / 2 == 1 && row / 2 == 5);
 }
@@ -102,8 +102,8 @@ TEST(DropPairsMissingTracks, LookAlikesShareShelvesButNotAll) {
   EXPECT_EQ(walks.Kept(), walks.in_order);
 }
 
-// Walks 0 and 3 show one place, 1 and 2 its look-alike. All that walk 0 sees of the other is a shelf
-// that both have, with hardly a hole: what the others of its place say counts for it, too.
+// Walks 0 and 3 show one place, 1 and 2 its look-alike. All that walk 0 sees of the other is a
+// shelf that both have, with hardly a hole: what the others of its place say counts for it, too.
 TEST(DropPairsMissingTracks, AWalkThatSeesWhatIsSharedGoesWithItsPlace) {
   Walks walks(4);
   walks.Link(5, OneShelfButAPatch, 0, 1);
@@ -116,6 +116,26 @@ TEST(DropPairsMissingTracks, AWalkThatSeesWhatIsSharedGoesWithItsPlace) {
   EXPECT_EQ(walks.KeptBetween(0, 3), 25U);
   EXPECT_EQ(walks.KeptBetween(1, 2), 25U);
   EXPECT_EQ(walks.Kept(), walks.in_order + 50);
+}
+
+// Walks 0 and 3 show one place, 1 and 2 another; a few frames of 0 and 1 share a poster, all of it.
+TEST(DropPairsMissingTracks, APosterPutsNoWalksTogether) {
+  Walks walks(4);
+  walks.Link(5, Everywhere, 0, 3);
+  walks.Link(5, Everywhere, 1, 2);
+  walks.Link(3, OneShelf, 0, 1);
+  walks.Link(5, EachOtherShelf, 2, 3);
+  EXPECT_EQ(walks.KeptBetween(0, 1), 0U);
+  EXPECT_EQ(walks.Kept(), walks.in_order + 50);
+}
+
+// What walks 0 and 1 show of look-alikes is not made good by a third that shares much with both.
+TEST(DropPairsMissingTracks, TwoWalksThatAreToldApartStayApart) {
+  Walks walks(3);
+  walks.Link(4, EachOtherShelf, 0, 1);
+  walks.Link(9, Everywhere, 0, 2);
+  walks.Link(9, Everywhere, 1, 2);
+  EXPECT_EQ(walks.KeptBetween(0, 1), 0U);
 }
 
 TEST(DropPairsMissingTracks, WhatIsTooSmallToBeFoundThereIsNotMissed) {

@@ -155,6 +155,21 @@ TEST_F(DaemonTest, ANewModelIsTakenUpWithoutLosingAFrame) {
   EXPECT_THAT(daemon.Errors(), HasSubstr("is in use"));
 }
 
+// Frames that were under way for the grey model say nothing; the next ones do.
+TEST_F(DaemonTest, AModelThatWantsColoursIsWarnedOfAGreyCamera) {
+  PutConfig("max_fps = 50\n", /*real_time=*/false);
+  Daemon daemon(folder_, WithConfig());
+  const std::string first = daemon.Line();
+  PutModel(ColourModelData());
+  std::string line = first;
+  for (int i = 0; i < 2000 && FieldOf(line, "model") == FieldOf(first, "model"); ++i) {
+    line = daemon.Line();
+  }
+  for (int i = 0; i < 3; ++i) ASSERT_FALSE(daemon.Line().empty());
+  EXPECT_EQ(daemon.End(), 0);
+  EXPECT_THAT(daemon.Errors(), HasSubstr("frames come without"));
+}
+
 TEST_F(DaemonTest, ADamagedModelLeavesTheOldOneInUse) {
   PutConfig("");
   Daemon daemon(folder_, WithConfig());

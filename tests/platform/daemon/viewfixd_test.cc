@@ -11,8 +11,6 @@
 #include <iterator>
 #include <sstream>
 
-#include "engine/features/chroma_contrast.h"
-#include "engine/features/surf_descriptor.h"
 #include "tests/testing/jpeg_encoder.h"
 #include "tests/testing/landmark_site.h"
 #include "tests/testing/run_program.h"
@@ -229,20 +227,6 @@ std::string CalibrationYaml(const LandmarkSite& site, double fx) {
        << "\ncamera_matrix: !!opencv-matrix\n  rows: 3\n  cols: 3\n  dt: d\n  data: [" << fx
        << ", 0, " << c.cx << ", 0, " << fx << ", " << c.cy << ", 0, 0, 1]\n";
   return yaml.str();
-}
-
-// The tiny model with words of features that have colours, all of them grey.
-ModelData ColourModelData() {
-  ModelData data = TinyModelData();
-  std::vector<std::int8_t> words;
-  for (auto word = data.words.begin(); word != data.words.end(); word += kSurfDim) {
-    words.insert(words.end(), word, word + kSurfDim);
-    words.insert(words.end(), kChromaDim, 0);
-  }
-  data.words = std::move(words);
-  data.features.type = static_cast<std::uint8_t>(FeatureType::kColorSurf);
-  data.features.descriptor_dim = kSurfDim + kChromaDim;
-  return data;
 }
 
 TEST_F(ViewfixdTest, FramesWithoutTheColoursThatTheModelWantsAreWarnedOfOnce) {
