@@ -153,7 +153,15 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
   std::printf("held-out blocks: location right %.1f %%, view right %.1f %%  (C %g, beta %g)\n",
               100 * chosen.location_accuracy, 100 * chosen.view_accuracy, chosen.options.c,
               chosen.options.beta);
-  if (result.details_held_out.empty()) return;
+  if (result.details_held_out.empty()) {
+    if (flags.details_mb > 0 && result.model.landmark_position.empty()) {
+      std::fprintf(stderr,
+                   "warning: no details are kept, as none fit into %g MB (--details) or the images "
+                   "are too few: places that look alike will be taken for each other\n",
+                   flags.details_mb);
+    }
+    return;
+  }
   const auto right = std::count_if(result.details_held_out.begin(), result.details_held_out.end(),
                                    [](const Outcome& o) { return o.right; });
   std::printf(

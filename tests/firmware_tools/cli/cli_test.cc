@@ -195,6 +195,18 @@ TEST_F(CliTest, AMapUnderPosesNeedsACalibration) {
   EXPECT_THAT(train.err, HasSubstr("site/calibration.yaml is wanted"));
 }
 
+TEST_F(CliTest, RoomTooSmallForDetailsIsWarnedOf) {
+  const std::string site = SiteWithPoses();
+  const auto errors_with = [&](const std::string& megabytes) {
+    return Viewfix({"train", site, "--out", Model(), "--words", "20", "--map", "none", "--details",
+                    megabytes})
+        .err;
+  };
+  EXPECT_THAT(errors_with("0.0001"), HasSubstr("warning: no details are kept"));
+  EXPECT_THAT(errors_with("6"), Not(HasSubstr("no details")));
+  EXPECT_THAT(errors_with("0"), Not(HasSubstr("no details"))) << "as asked";
+}
+
 // Of each row's photographs the last three have a pose and no name.
 TEST_F(CliTest, UnlabelledPhotographsOfAWalkAreMapped) {
   const std::string site = SiteWithPoses();
