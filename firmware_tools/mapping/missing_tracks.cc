@@ -249,7 +249,7 @@ class MissingTracks {
         const Verdict verdict = Judge(count);
         for (const FarPair* far : judged) verdicts[far->pair_idx] = verdict;
         const int pairs = static_cast<int>(judged.size());
-        shared[walks].Add({count, verdict == Verdict::kLookAlike ? pairs : 0, pairs});
+        shared[InOrder(walks)].Add({count, verdict == Verdict::kLookAlike ? pairs : 0, pairs});
       }
     }
     return shared;
@@ -288,15 +288,12 @@ class MissingTracks {
   // Walks of one place are put together, those that share most surely first. Where much of what two
   // groups share shows look-alikes, the rest was only not found out: a walk that sees little but
   // what two places share goes with the place that it leaves fewer holes in.
-  void JudgeGroups(const std::map<Walks, Shared>& shared_of_walks,
-                   std::vector<Verdict>& verdicts) const {
+  void JudgeGroups(const std::map<Walks, Shared>& of_walks, std::vector<Verdict>& verdicts) const {
     std::map<std::string, std::string> group_of;  // by walk; named after one of its walks
-    for (const auto& [walks, shared] : shared_of_walks) {
+    for (const auto& [walks, shared] : of_walks) {
       group_of[walks.first] = walks.first;
       group_of[walks.second] = walks.second;
     }
-    std::map<Walks, Shared> of_walks;
-    for (const auto& [walks, shared] : shared_of_walks) of_walks[InOrder(walks)].Add(shared);
     std::map<Walks, Shared> of_groups = of_walks;
     while (const auto surest = Surest(of_groups)) Join(*surest, group_of, of_groups);
     for (std::size_t i = 0; i < pairs_.size(); ++i) {

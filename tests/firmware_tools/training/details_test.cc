@@ -87,8 +87,8 @@ TEST_F(DetailsTest, HeldOutImagesAreFound) {
 
 // Of a frame whose location is hidden no other has most of the evidence.
 TEST_F(DetailsTest, SharesTellHiddenLocationsFromKnownOnes) {
-  EXPECT_GT(Train({.hidden_weight = 1}).table.share_weight, 0);
   const TrainedDetails details = Train({.hidden_weight = 1});
+  EXPECT_GT(details.table.share_weight, 0);
   const TrainedDetails without = Train({.hidden_weight = 0});
   for (std::size_t i = 0; i < details.held_out.size(); ++i) {  // nearly all say one location
     const double added = details.held_out[i].margin - without.held_out[i].margin;
