@@ -47,10 +47,10 @@ struct ExifInfo {
   std::optional<double> focal_length_35mm;  // millimetres on a 36 x 24 mm frame
 };
 
-// Luma of a JPEG, and chroma if it is YCbCr and image.luma_only does not say no, with its EXIF orientation applied. Laptop and board
-// decode with this one function, so that they see the same pixels. A truncated or damaged stream is
-// an error (kCorrupt), never a half-grey picture; sizes above kMaxImageSide / kMaxImagePixels are
-// kUnsupported.
+// Luma of a JPEG, and chroma if it is YCbCr and wanted (luma_only), with its EXIF orientation
+// applied. Laptop and board decode with this one function, so that they see the same pixels. A
+// truncated or damaged stream is an error (kCorrupt), never a half-grey picture; sizes above
+// kMaxImageSide / kMaxImagePixels are kUnsupported.
 Status DecodeJpeg(std::span<const std::uint8_t> bytes, YuvImage& image, ExifInfo* exif = nullptr);
 
 // The same of a camera's frame: no EXIF, and shrunk by libjpeg to 1/2, 1/4 or 1/8 as long as its

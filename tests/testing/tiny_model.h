@@ -26,9 +26,9 @@ void AddTinyFloorPlan(ModelData& data);
 
 // Adds random details, three for each list: one of either location and a common one.
 void AddTinyDetails(ModelData& data);
-
 // The tiny model with words of features that have colours, all of them grey.
 ModelData ColourModelData();
+
 // The rotation of details that leaves descriptors as they are.
 std::vector<std::int8_t> NoRotation(int dim);
 
