@@ -131,6 +131,39 @@ bool IsMaximum(const RowTriple* rows, int x) {
   return true;
 }
 
+// By Newton's method, as the library's is not for compilers.
+constexpr double FourthRoot(double x) {
+  double root = x;
+  for (int i = 0; i < 30; ++i) root = (3 * root + x / (root * root * root)) / 4;
+  return root;
+}
+
+// By octave and layer: what Strength() multiplies a determinant by at most, and a little for
+// rounding.
+using Weights = std::array<std::array<double, kMaxLayers>, kOctaveCount>;
+constexpr Weights MakeGreatestWeights() {
+  Weights weights{};
+  for (int o = 0; o < kOctaveCount; ++o) {
+    const std::array<int, kMaxLayers>& lobes = kOctaves[o].lobes;
+    for (int layer = 1; layer + 1 < kOctaves[o].layers; ++layer) {
+      const double greatest_lobe = lobes[layer] + kMaxOffset * (lobes[layer] - lobes[layer - 1]);
+      weights[o][layer] = FourthRoot(greatest_lobe * double(kSigmaPerLobe)) * (1 + 1e-6);
+    }
+  }
+  return weights;
+}
+constexpr Weights kGreatestWeights = MakeGreatestWeights();
+
+// No less than the response that Refine() can find: the gradient's part, and each offset at its
+// greatest.
+double GreatestResponse(const RowTriple* rows, int x) {
+  const float* const middle = rows[1][1];
+  const float differences = std::fabs(middle[x + 1] - middle[x - 1]) +
+                            std::fabs(rows[1][2][x] - rows[1][0][x]) +
+                            std::fabs(rows[2][1][x] - rows[0][1][x]);
+  return double{middle[x]} + 0.25 * kMaxOffset * double{differences};
+}
+
 Neighbourhood Gather(const RowTriple* rows, int x) {
   Neighbourhood v;
   for (int layer = 0; layer < 3; ++layer) {
@@ -260,24 +293,17 @@ struct ThinKernel {
 
 [[gnu::always_inline]] inline float Greater(float a, float b) { return a > b ? a : b; }
 
-// The greatest of a sample and the ones on both sides, and of that in three rows, of which this
-// is the last: for columns 1..columns-2. There is a float before each row.
-struct PeakKernel {
-  VIEWFIX_KERNEL void Run(const float* responses, const float* before_last, const float* last,
-                          int columns, float* peaks_out, float* greatest_out) {
-    float* __restrict peaks = peaks_out;
-    float* __restrict greatest = greatest_out;
+// The greatest of a layer's three rows, column by column, in any order of the rows.
+struct GreatestKernel {
+  VIEWFIX_KERNEL void Run(const float* a, const float* b, const float* c, int columns, float* out) {
+    float* __restrict greatest = out;
     const int count = WholeVectors(columns);
-    for (int x = 0; x < count; ++x) {
-      const float peak = Greater(Greater(responses[x - 1], responses[x]), responses[x + 1]);
-      peaks[x] = peak;
-      greatest[x] = Greater(Greater(before_last[x], last[x]), peak);
-    }
+    for (int x = 0; x < count; ++x) greatest[x] = Greater(Greater(a[x], b[x]), c[x]);
   }
 };
 
 // Marks the samples above the threshold that no neighbour exceeds, nearly all of which are
-// maxima: bit `layer` of a byte each, of the layers between the finest and the coarsest.
+// maxima, by the greatest of three rows of each layer, before and after which there is a float: bit `layer` of a byte each, of the layers between the finest and the coarsest.
 template <int kLayers>
 struct CandidateKernel {
   VIEWFIX_KERNEL void Run(const LayerRows* values, const LayerRows* greatest, float threshold,
@@ -287,9 +313,13 @@ struct CandidateKernel {
     const LayerRows g = *greatest;
     const int count = WholeVectors(columns);
     for (int x = 0; x < count; ++x) {
+      std::array<float, kLayers> peaks;
+      for (int layer = 0; layer < kLayers; ++layer) {
+        peaks[layer] = Greater(Greater(g[layer][x - 1], g[layer][x]), g[layer][x + 1]);
+      }
       std::int32_t mark = 0;
       for (int layer = 1; layer + 1 < kLayers; ++layer) {
-        const float least = Greater(Greater(g[layer - 1][x], g[layer][x]), g[layer + 1][x]);
+        const float least = Greater(Greater(peaks[layer - 1], peaks[layer]), peaks[layer + 1]);
         const int is_above = v[layer][x] > threshold ? 1 : 0;
         const int is_greatest = v[layer][x] >= least ? 1 : 0;
         mark |= (is_above & is_greatest) << layer;
@@ -305,8 +335,7 @@ FastHessian::FastHessian(int max_image_side, CpuPath path)
     : path_(path),
       stride_(WholeVectors(max_image_side)),
       responses_(std::size_t(kOctaveCount * kMaxLayers * kRows * stride_ + 2 * kVector)),
-      peaks_(responses_.size()),
-      greatest_(std::size_t(kMaxLayers * stride_)),
+      greatest_(std::size_t(kMaxLayers * stride_ + 2 * kVector)),
       column_sums_(std::size_t(3 * ColumnSumsLength())),
       dense_(std::size_t(stride_)),
       marks_(std::size_t(stride_)) {}
@@ -315,16 +344,15 @@ int FastHessian::ColumnSumsLength() const {
   return kMargin + WholeVectors(stride_ + kReach + 1);
 }
 
+float* FastHessian::Rows(int octave, int layer) {
+  return responses_.data() + kVector + (octave * kMaxLayers + layer) * kRows * stride_;
+}
+
 float* FastHessian::Row(int octave, int layer, int row) {
-  const int idx = (octave * kMaxLayers + layer) * kRows + row % kRows;
-  return responses_.data() + kVector + idx * stride_;
+  return Rows(octave, layer) + row % kRows * stride_;
 }
 
-float* FastHessian::PeakRow(int octave, int layer, int row) {
-  return peaks_.data() + (Row(octave, layer, row) - responses_.data());
-}
-
-float* FastHessian::GreatestRow(int layer) { return greatest_.data() + layer * stride_; }
+float* FastHessian::GreatestRow(int layer) { return greatest_.data() + kVector + layer * stride_; }
 
 void FastHessian::Thin(const float* dense, int step, int columns, float* responses) {
   if (step == 2) return RunOnPath<ThinKernel<2>>(path_, dense, columns, responses);
@@ -357,9 +385,9 @@ void FastHessian::FillRow(const IntegralImage& image, int octave, int row, int c
     }
   }
   for (int layer = 0; layer < shape.layers; ++layer) {
-    RunOnPath<PeakKernel>(path_, Row(octave, layer, row), PeakRow(octave, layer, row + 1),
-                          PeakRow(octave, layer, row + 2), columns, PeakRow(octave, layer, row),
-                          GreatestRow(layer));
+    const float* const rows = Rows(octave, layer);
+    RunOnPath<GreatestKernel>(path_, rows, rows + stride_, rows + 2 * stride_, columns,
+                              GreatestRow(layer));
   }
 }
 
@@ -383,7 +411,8 @@ void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int
   LayerRows values;
   LayerRows greatest;
   for (int layer = 0; layer < kMaxLayers; ++layer) {
-    for (int i = 0; i < 3; ++i) rows[layer][i] = Row(octave, layer, row + i - 1);
+    const float* const first = Rows(octave, layer);
+    for (int i = 0; i < kRows; ++i) rows[layer][i] = first + (row + i - 1) % kRows * stride_;
     values[layer] = rows[layer][1];
     greatest[layer] = GreatestRow(layer);
   }
@@ -401,6 +430,9 @@ void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int
       const int bit = std::countr_zero(marks);
       const int column = i + bit / 8, layer = bit % 8;
       if (column < 1 || column >= columns - 1) continue;
+      const double response = GreatestResponse(&rows[layer - 1], column);
+      const double strength = response * kGreatestWeights[octave][layer];
+      if (!selector.MayChoose(static_cast<float>(strength))) continue;
       if (!IsMaximum(&rows[layer - 1], column)) continue;
       const std::optional<Refined> refined = Refine(Gather(&rows[layer - 1], column));
       if (refined) {

@@ -40,8 +40,8 @@ class FastHessian {
 
  private:
   int ColumnSumsLength() const;
+  float* Rows(int octave, int layer);
   float* Row(int octave, int layer, int row);
-  float* PeakRow(int octave, int layer, int row);
   float* GreatestRow(int layer);
   void Thin(const float* dense, int step, int columns, float* responses);
   void FillRow(const IntegralImage& image, int octave, int row, int columns);
@@ -51,8 +51,7 @@ class FastHessian {
   CpuPath path_;
   int stride_;                              // floats a row, whole vectors
   AlignedVector<float> responses_;            // [octave][layer][3 rows, used in turn][stride_]
-  AlignedVector<float> peaks_;                // the same: the greatest of a sample and both beside
-  AlignedVector<float> greatest_;             // [layer][stride_]: of the peaks of three rows
+  AlignedVector<float> greatest_;             // [layer][stride_]: of the three rows
   AlignedVector<std::uint32_t> column_sums_;  // [3][ColumnSumsLength()]
   AlignedVector<float> dense_;                // [stride_] a row at every pixel
   AlignedVector<std::uint8_t> marks_;         // [stride_] bit of each layer with a candidate

@@ -54,7 +54,10 @@ void GridSelector::Start(int width, int height) {
   columns_ = CellsAcross(width, cell_side_);
   rows_ = CellsAcross(height, cell_side_);
   assert(std::size_t(columns_) * std::size_t(rows_) <= sizes_.size());
+  certain_ = max_features_ * kCertainPercent / (100 * columns_ * rows_);
   std::fill(sizes_.begin(), sizes_.end(), 0);
+  counts_.fill(0);
+  least_bin_ = held_from_least_bin_ = 0;
 }
 
 Keypoint* GridSelector::CellBegin(int cell) {
@@ -74,21 +77,33 @@ void GridSelector::Add(const Keypoint& keypoint) {
   // A heap with the weakest point on top, which gives way when the cell is full.
   if (size == kCellCapacity) {
     if (!Stronger(keypoint, *begin)) return;
+    Count(begin->response, -1);
     std::pop_heap(begin, begin + size, Stronger);
     --size;
   }
   begin[size++] = keypoint;
   std::push_heap(begin, begin + size, Stronger);
+  Count(keypoint.response, 1);
+}
+
+// Points give way to stronger ones only, so once enough are above a bin, it is out for good; but
+// for a cell's certain points, which are chosen however weak they are.
+void GridSelector::Count(float response, int change) {
+  const int bin = BinOf(response);
+  counts_[bin] += change;
+  if (bin >= least_bin_) held_from_least_bin_ += change;
+  while (certain_ == 0 && held_from_least_bin_ - counts_[least_bin_] >= max_features_) {
+    held_from_least_bin_ -= counts_[least_bin_++];
+  }
 }
 
 void GridSelector::RankCells() {
   const int cells = columns_ * rows_;
-  const int certain = max_features_ * kCertainPercent / (100 * cells);
   runners_up_.clear();
   for (int cell = 0; cell < cells; ++cell) {
     Keypoint* begin = CellBegin(cell);
     std::sort(begin, begin + sizes_[cell], Stronger);
-    kept_[cell] = std::min(sizes_[cell], certain);
+    kept_[cell] = std::min(sizes_[cell], certain_);
     for (int i = kept_[cell]; i < sizes_[cell]; ++i) runners_up_.push_back(begin + i);
   }
 }

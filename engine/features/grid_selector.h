@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #pragma once
 
+#include <array>
+#include <bit>
+#include <cstdint>
 #include <vector>
 
 #include "engine/features/feature_extractor.h"
@@ -27,16 +30,29 @@ class GridSelector {
   // Points outside the image count to the nearest cell.
   void Add(const Keypoint& keypoint);
 
+  // Whether a point of a response of at most this much, > 0, could still be chosen. Where not, it
+  // need not be added.
+  bool MayChoose(float response) const { return BinOf(response) >= least_bin_; }
+
   // Clears `selected` (capacity >= max_features) and appends the chosen points:
   // cells row by row, strongest first inside a cell.
   void Select(FeatureSet& selected);
 
  private:
+  // Of a number > 0, by its exponent and the first three binary digits behind it.
+  static constexpr int kBinShift = 20;
+  static constexpr int kBins = 1 << (31 - kBinShift);
+  static int BinOf(float response) {
+    return static_cast<int>(std::bit_cast<std::uint32_t>(response) >> kBinShift);
+  }
+
   Keypoint* CellBegin(int cell);
   int CellIndex(const Keypoint& keypoint) const;
+  void Count(float response, int change);
   void RankCells();
 
   int max_features_;
+  int certain_ = 0;    // points that each cell gives, if it has them
   int cell_side_ = 1;  // pixels
   int columns_ = 0;
   int rows_ = 0;
@@ -44,6 +60,9 @@ class GridSelector {
   std::vector<int> sizes_;                   // [cells] points held
   std::vector<int> kept_;                    // [cells] points selected, the strongest ones
   std::vector<const Keypoint*> runners_up_;  // points that no cell keeps for certain
+  std::array<int, kBins> counts_{};          // points held, by response
+  int least_bin_ = 0;                        // enough points are in this one and above
+  int held_from_least_bin_ = 0;              // so many
 };
 
 }  // namespace viewfix

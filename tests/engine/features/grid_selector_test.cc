@@ -66,6 +66,34 @@ TEST(GridSelector, KeepsTheStrongestOfAll) {
   EXPECT_EQ(std::ranges::count_if(selected, [](auto& p) { return p.response >= 1000; }), 30);
 }
 
+// Without points that cannot be chosen any more the choice is the same: of points all over the
+// image, crowded in a few cells, and in an image so small that cells keep some for certain.
+TEST(GridSelector, ChoosesTheSameWithoutWhatCannotBeChosen) {
+  struct Case {
+    int width, height, points_width, points_height;
+    bool some_left_out;
+  };
+  for (const Case& c : {Case{640, 480, 640, 480, true}, Case{640, 480, 300, 200, true},
+                        Case{640, 480, 70, 70, false}, Case{24, 16, 24, 16, false}}) {
+    GridSelector selector(640, 300);
+    std::vector<Keypoint> points = RandomPoints(5000, c.points_width, c.points_height, 7);
+    TestRandom random(8);
+    for (Keypoint& point : points) point.response = static_cast<float>(1 + random.Below(1 << 20));
+    const auto expected = Select(selector, points, c.width, c.height, 300);
+    selector.Start(c.width, c.height);
+    int added = 0;
+    for (const Keypoint& point : points) {
+      if (!selector.MayChoose(point.response)) continue;
+      selector.Add(point);
+      ++added;
+    }
+    FeatureSet selected(300, 1);
+    selector.Select(selected);
+    EXPECT_TRUE(std::ranges::equal(selected.keypoints(), expected, SamePoint)) << c.points_width;
+    EXPECT_EQ(added < 4000, c.some_left_out) << c.points_width;
+  }
+}
+
 TEST(GridSelector, GivesNoCellMoreThan64) {
   GridSelector selector(640, 400);                                     // cells of 79 pixels
   const std::vector<Keypoint> points = RandomPoints(3000, 70, 70, 5);  // within one of them
