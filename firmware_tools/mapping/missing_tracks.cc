@@ -68,13 +68,11 @@ enum class Verdict { kSame, kUnknown, kLookAlike };
 // What two walks, or two groups of walks, share.
 struct Shared {
   PatchCount count;
-  int dropped = 0;  // of the pairs
   int pairs = 0;
 
   void Add(const Shared& other) {
     count.patches += other.count.patches;
     count.holes += other.count.holes;
-    dropped += other.dropped;
     pairs += other.pairs;
   }
   // Few patches without a hole say less than many.
@@ -249,7 +247,7 @@ class MissingTracks {
         const Verdict verdict = Judge(count);
         for (const FarPair* far : judged) verdicts[far->pair_idx] = verdict;
         const int pairs = static_cast<int>(judged.size());
-        shared[InOrder(walks)].Add({count, verdict == Verdict::kLookAlike ? pairs : 0, pairs});
+        shared[InOrder(walks)].Add({count, pairs});
       }
     }
     return shared;
@@ -282,7 +280,7 @@ class MissingTracks {
   }
 
   bool AreLookAlikes(const Shared& shared) const {
-    return shared.dropped > options_.max_dropped * shared.pairs;
+    return Judge(shared.count) == Verdict::kLookAlike;
   }
 
   // Walks of one place are put together, those that share most surely first. Where much of what two
@@ -317,8 +315,7 @@ class MissingTracks {
     std::optional<Walks> surest;
     double least = 0;
     for (const auto& [groups, shared] : of_groups) {
-      if (shared.pairs < options_.min_links || AreLookAlikes(shared)) continue;
-      if (Judge(shared.count) != Verdict::kSame) continue;
+      if (shared.pairs < options_.min_links || Judge(shared.count) != Verdict::kSame) continue;
       if (surest && shared.HoleShare() >= least) continue;
       surest = groups;
       least = shared.HoleShare();

@@ -17,9 +17,6 @@ struct MissingTrackOptions {
   // of their goods each pair of stretches has 0.06 or more, of a room seen again 99 % have less.
   double max_holes = 0.05;
   int min_patches = 20;
-  // Two walks, or groups of walks of one place each, of whose pairs a greater share shows
-  // look-alikes have none of one place.
-  double max_dropped = 0.3;
   // Pairs do not join groups of so many frames, nor walks, if they are fewer than min_links: chance
   // gives a few.
   int min_frames = 10;

@@ -143,6 +143,20 @@ TEST(DropPairsMissingTracks, TwoWalksThatAreToldApartStayApart) {
   EXPECT_EQ(walks.KeptBetween(0, 1), 0U);
 }
 
+// Many pairs of two long walks are told apart by little that they share: few holes in all of it say
+// that the rest shows one place.
+TEST(DropPairsMissingTracks, WhatWalksShareIsJudgedAsAWhole) {
+  Walks walks(4);
+  for (int f = 0; f < 4 * kFrames; ++f) {
+    walks.input.frames[f].capture = f < 2 * kFrames ? "walk 1" : "walk 2";
+  }
+  walks.Link(6, [](int column, int row) { return row < 4 && EachOtherShelf(column, row); }, 0, 2);
+  EXPECT_EQ(walks.Kept(), walks.in_order) << "by itself";
+  walks.Link(8, Everywhere, 1, 3);
+  EXPECT_EQ(walks.KeptBetween(0, 2), 0U) << "36 of 100 pairs";
+  EXPECT_EQ(walks.KeptBetween(1, 3), 64U);
+}
+
 TEST(DropPairsMissingTracks, WhatIsTooSmallToBeFoundThereIsNotMissed) {
   Walks walks;
   walks.Link(5, EachOtherShelf);
