@@ -296,12 +296,14 @@ ModelFeatures FeaturesOf(const FeatureStore& store) {
           store.dim};
 }
 
-ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result) {
+ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result, double wrong_share) {
   std::vector<Outcome> outcomes;
   for (const HeldOut::Prediction& p : result.predictions) {
     outcomes.push_back({p.margin, p.location == labels.location[p.sample]});
   }
-  return FitConfidence(outcomes);
+  ModelConfidence confidence = FitConfidence(outcomes);
+  LimitWrongAnswers(outcomes, wrong_share, confidence);
+  return confidence;
 }
 
 double ShareAnswered(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
@@ -602,7 +604,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   AssignAll(labels.pair_location, model.pair_location);
   AssignAll(labels.pair_view, model.pair_view);
   QuantizeWeights(scores, model);
-  model.confidence = ConfidenceOf(labels, tried.front());
+  model.confidence = ConfidenceOf(labels, tried.front(), options.wrong_share);
   const ModelData without_map = model;
   const std::vector<bool> none(labels.image_idxs.size(), false);
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, none, model);
