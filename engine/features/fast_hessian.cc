@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <limits>
 #include <optional>
 
 namespace viewfix {
@@ -302,11 +303,15 @@ struct GreatestKernel {
   }
 };
 
-// Marks the samples above the threshold that no neighbour exceeds, nearly all of which are
-// maxima, by the greatest of three rows of each layer, before and after which there is a float: bit `layer` of a byte each, of the layers between the finest and the coarsest.
+// Marks the samples of at least `least` that no neighbour exceeds, nearly all of which are maxima:
+// bit `layer` of a byte each, of the layers between the finest and the coarsest. A float lies
+// before and after each row.
+//   greatest  of three rows of each layer, column by column
 template <int kLayers>
 struct CandidateKernel {
-  VIEWFIX_KERNEL void Run(const LayerRows* values, const LayerRows* greatest, float threshold,
+  static_assert(kLayers % 2 == 0, "layers between the outer ones are taken in pairs");
+
+  VIEWFIX_KERNEL void Run(const LayerRows* values, const LayerRows* greatest, float least,
                           int columns, std::uint8_t* out) {
     std::uint8_t* __restrict marks = out;
     const LayerRows v = *values;
@@ -318,11 +323,10 @@ struct CandidateKernel {
         peaks[layer] = Greater(Greater(g[layer][x - 1], g[layer][x]), g[layer][x + 1]);
       }
       std::int32_t mark = 0;
-      for (int layer = 1; layer + 1 < kLayers; ++layer) {
-        const float least = Greater(Greater(peaks[layer - 1], peaks[layer]), peaks[layer + 1]);
-        const int is_above = v[layer][x] > threshold ? 1 : 0;
-        const int is_greatest = v[layer][x] >= least ? 1 : 0;
-        mark |= (is_above & is_greatest) << layer;
+      for (int layer = 1; layer + 1 < kLayers; layer += 2) {
+        const float both = Greater(Greater(peaks[layer], peaks[layer + 1]), least);
+        mark |= v[layer][x] >= Greater(both, peaks[layer - 1]) ? 1 << layer : 0;
+        mark |= v[layer + 1][x] >= Greater(both, peaks[layer + 2]) ? 2 << layer : 0;
       }
       marks[x] = static_cast<std::uint8_t>(mark);
     }
@@ -416,11 +420,12 @@ void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int
     values[layer] = rows[layer][1];
     greatest[layer] = GreatestRow(layer);
   }
+  const float least = std::nextafter(threshold, std::numeric_limits<float>::max());
   if (kOctaves[octave].layers == kMaxLayers) {
-    RunOnPath<CandidateKernel<kMaxLayers>>(path_, &values, &greatest, threshold, columns,
+    RunOnPath<CandidateKernel<kMaxLayers>>(path_, &values, &greatest, least, columns,
                                            marks_.data());
   } else {
-    RunOnPath<CandidateKernel<kMinLayers>>(path_, &values, &greatest, threshold, columns,
+    RunOnPath<CandidateKernel<kMinLayers>>(path_, &values, &greatest, least, columns,
                                            marks_.data());
   }
   for (int i = 0; i < columns; i += 8) {
