@@ -16,6 +16,9 @@ constexpr double kFading = 0.05;
 // Poses farther apart contradict each other, a frame: a runner at three frames a second.
 constexpr double kMaxMetresPerFrame = 1;
 
+// A contradicted pose that is more likely wrong than right is withheld.
+constexpr float kLeastOfPoses = 0.5F;
+
 double Bounded(double confidence) { return std::clamp(confidence, 1 - kMostCertain, kMostCertain); }
 
 // The first of two exclusive hypotheses, whose odds are multiplied.
@@ -34,7 +37,7 @@ void FixFilter::Apply(std::uint64_t sequence, Fix& fix) {
   if (!place_) return Begin(sequence, fix);
   if (Agrees(sequence, fix)) return Raise(sequence, fix);
   Lower(sequence, fix);
-  if (fix.confidence < model_.confidence().threshold) Withhold(fix);
+  if (fix.confidence < LeastConfidence(fix)) Withhold(fix);
 }
 
 void FixFilter::Fade(std::uint64_t sequence) {
@@ -59,6 +62,11 @@ bool FixFilter::Agrees(std::uint64_t sequence, const Fix& fix) const {
   const int common = CommonLevels(model_.location_name(fix.location_idx),
                                   model_.location_name(before.location_idx));
   return common >= std::min(LevelsOfAnswer(fix), LevelsOfAnswer(before));
+}
+
+// The model's threshold is on the curve of answers without a pose.
+float FixFilter::LeastConfidence(const Fix& fix) const {
+  return fix.has_pose ? kLeastOfPoses : model_.confidence().threshold;
 }
 
 void FixFilter::Begin(std::uint64_t sequence, const Fix& fix) {

@@ -44,6 +44,7 @@ class FixFilter {
   };
 
   void Fade(std::uint64_t sequence);
+  float LeastConfidence(const Fix& fix) const;
   int LevelsOfAnswer(const Fix& fix) const;
   bool Agrees(std::uint64_t sequence, const Fix& fix) const;
   void Begin(std::uint64_t sequence, const Fix& fix);

@@ -34,8 +34,8 @@ int Corner(float position, int size) {
 }  // namespace
 
 ChromaContrast::ChromaContrast(int max_image_side, CpuPath path)
-    : cb_{Shrinker((max_image_side + 1) / 2, path), IntegralImage((max_image_side + 1) / 2, 0, path)},
-      cr_{Shrinker((max_image_side + 1) / 2, path), IntegralImage((max_image_side + 1) / 2, 0, path)} {}
+    : cb_{Shrinker((max_image_side + 1) / 2, path), IntegralImage((max_image_side + 1) / 2, 0)},
+      cr_{Shrinker((max_image_side + 1) / 2, path), IntegralImage((max_image_side + 1) / 2, 0)} {}
 
 void ChromaContrast::Start(const ImageView& image, const IntegralImage& luma) {
   const ChromaView& chroma = image.chroma;

@@ -132,15 +132,15 @@ bool IsMaximum(const RowTriple* rows, int x) {
   return true;
 }
 
-// By Newton's method, as the library's is not for compilers.
+// By Newton's method, as std::sqrt is not constexpr.
 constexpr double FourthRoot(double x) {
   double root = x;
   for (int i = 0; i < 30; ++i) root = (3 * root + x / (root * root * root)) / 4;
   return root;
 }
 
-// By octave and layer: what Strength() multiplies a determinant by at most, and a little for
-// rounding.
+// By octave and layer: what Strength() multiplies a determinant by at most, and a little for all
+// rounding of that and of GreatestResponse().
 using Weights = std::array<std::array<double, kMaxLayers>, kOctaveCount>;
 constexpr Weights MakeGreatestWeights() {
   Weights weights{};
@@ -155,8 +155,8 @@ constexpr Weights MakeGreatestWeights() {
 }
 constexpr Weights kGreatestWeights = MakeGreatestWeights();
 
-// No less than the response that Refine() can find: the gradient's part, and each offset at its
-// greatest.
+// What Refine() can find at most: v + g d / 2, where the gradient g is half the differences of
+// the neighbours, and no offset in d exceeds kMaxOffset.
 double GreatestResponse(const RowTriple* rows, int x) {
   const float* const middle = rows[1][1];
   const float differences = std::fabs(middle[x + 1] - middle[x - 1]) +
@@ -253,8 +253,8 @@ struct ColumnSumsKernel {
     for (int i = 0; i < count; ++i) {
       const int x = first + i;
       wing[x] = rows.wing_bottom[x] - rows.wing_top[x];
-      outer[x] = rows.outer_bottom[x] - rows.outer_top[x] -
-                 3 * (rows.half_bottom[x] - rows.half_top[x]);
+      outer[x] =
+          rows.outer_bottom[x] - rows.outer_top[x] - 3 * (rows.half_bottom[x] - rows.half_top[x]);
       diagonal[x] = rows.above[x] - rows.lobe_top[x] - (rows.lobe_bottom[x] - rows.below[x]);
     }
   }
@@ -344,9 +344,7 @@ FastHessian::FastHessian(int max_image_side, CpuPath path)
       dense_(std::size_t(stride_)),
       marks_(std::size_t(stride_)) {}
 
-int FastHessian::ColumnSumsLength() const {
-  return kMargin + WholeVectors(stride_ + kReach + 1);
-}
+int FastHessian::ColumnSumsLength() const { return kMargin + WholeVectors(stride_ + kReach + 1); }
 
 float* FastHessian::Rows(int octave, int layer) {
   return responses_.data() + kVector + (octave * kMaxLayers + layer) * kRows * stride_;

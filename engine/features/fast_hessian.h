@@ -49,7 +49,7 @@ class FastHessian {
                  GridSelector& selector);
 
   CpuPath path_;
-  int stride_;                              // floats a row, whole vectors
+  int stride_;                                // floats a row, whole vectors
   AlignedVector<float> responses_;            // [octave][layer][3 rows, used in turn][stride_]
   AlignedVector<float> greatest_;             // [layer][stride_]: of the three rows
   AlignedVector<std::uint32_t> column_sums_;  // [3][ColumnSumsLength()]

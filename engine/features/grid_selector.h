@@ -30,8 +30,8 @@ class GridSelector {
   // Points outside the image count to the nearest cell.
   void Add(const Keypoint& keypoint);
 
-  // Whether a point of a response of at most this much, > 0, could still be chosen. Where not, it
-  // need not be added.
+  // Whether a point of a response of at most this much could still be chosen. Where not, it need
+  // not be added.
   bool MayChoose(float response) const { return BinOf(response) >= least_bin_; }
 
   // Clears `selected` (capacity >= max_features) and appends the chosen points:
@@ -39,11 +39,11 @@ class GridSelector {
   void Select(FeatureSet& selected);
 
  private:
-  // Of a number > 0, by its exponent and the first three binary digits behind it.
+  // By the exponent and the first three binary digits behind it; the least of all if not > 0.
   static constexpr int kBinShift = 20;
   static constexpr int kBins = 1 << (31 - kBinShift);
   static int BinOf(float response) {
-    return static_cast<int>(std::bit_cast<std::uint32_t>(response) >> kBinShift);
+    return response > 0 ? static_cast<int>(std::bit_cast<std::uint32_t>(response) >> kBinShift) : 0;
   }
 
   Keypoint* CellBegin(int cell);
@@ -61,8 +61,8 @@ class GridSelector {
   std::vector<int> kept_;                    // [cells] points selected, the strongest ones
   std::vector<const Keypoint*> runners_up_;  // points that no cell keeps for certain
   std::array<int, kBins> counts_{};          // points held, by response
-  int least_bin_ = 0;                        // enough points are in this one and above
-  int held_from_least_bin_ = 0;              // so many
+  int least_bin_ = 0;                        // weaker points are not chosen any more
+  int held_from_least_bin_ = 0;              // points held in that bin and above
 };
 
 }  // namespace viewfix

@@ -9,7 +9,7 @@ namespace viewfix {
 Surf::Surf(const FeatureOptions& options, CpuPath path)
     : options_(options),
       path_(path),
-      integral_(options.max_image_side, FastHessian::kReach, path),
+      integral_(options.max_image_side, FastHessian::kReach),
       detector_(options.max_image_side, path),
       selector_(options.max_image_side, options.max_features) {
   if (options.type == FeatureType::kColorSurf) chroma_.emplace(options.max_image_side, path);

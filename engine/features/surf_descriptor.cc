@@ -38,6 +38,7 @@ constexpr Table<N> MakeGaussian(double sigma) {
   return table;
 }
 
+constexpr Table<kRegionSide> kSampleWeights = MakeGaussian<kRegionSide>(kSampleSigma);
 constexpr Table<kRegions> kRegionWeights = MakeGaussian<kRegions>(kRegionSigma);
 
 // The samples of a row are kept in an order in which the same sample of four subregions side
@@ -53,25 +54,6 @@ constexpr std::array<float, kSamples> MakeColumns() {
   return columns;
 }
 constexpr std::array<float, kSamples> kColumns = MakeColumns();
-
-// Samples of the first subregion, row by row: where they lie among all, and what they count.
-constexpr int kRegionSamples = kRegionSide * kRegionSide;
-struct Region {
-  std::array<int, kRegionSamples> slots{};
-  std::array<float, kRegionSamples> weights{};
-};
-
-constexpr Region MakeRegion() {
-  Region region;
-  const Table<kRegionSide> weights = MakeGaussian<kRegionSide>(kSampleSigma);
-  for (int i = 0; i < kRegionSamples; ++i) {
-    const int row = i / kRegionSide, column = i % kRegionSide;
-    region.slots[i] = row * kSamples + Slot(column);
-    region.weights[i] = weights[row][column];
-  }
-  return region;
-}
-constexpr Region kRegion = MakeRegion();
 
 // dx and dy of each sample, row by row.
 template <typename T>
@@ -149,10 +131,13 @@ struct RegionSums {
 // Sample after sample, all subregions at once.
 [[gnu::always_inline]] inline void SumRegions(const Pairs<float>& samples,
                                               std::array<RegionSums, kRegions>& sums) {
-  for (int i = 0; i < kRegionSamples; ++i) {
-    const float* const sample = &samples[2 * kRegion.slots[i]];
-    for (int row = 0; row < kRegions; ++row) {
-      AddSample(sample + 2 * row * kRegionStep * kSamples, kRegion.weights[i], sums[row]);
+  for (int row = 0; row < kRegionSide; ++row) {
+    for (int column = 0; column < kRegionSide; ++column) {
+      const float* const sample = &samples[2 * (row * kSamples + Slot(column))];
+      const float weight = kSampleWeights[row][column];
+      for (int i = 0; i < kRegions; ++i) {
+        AddSample(sample + 2 * i * kRegionStep * kSamples, weight, sums[i]);
+      }
     }
   }
 }

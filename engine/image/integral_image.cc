@@ -4,8 +4,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
-#include <cstdint>
-#include <cstring>
 
 namespace viewfix {
 namespace {
@@ -20,41 +18,15 @@ int RowLength(int width, int border) {
   return (MarginLength(border) + width + border + 1 + kVector - 1) / kVector * kVector | kVector;
 }
 
-// Eight pixels at once. Their sum fits 16 bits.
-constexpr int kLanes = 8;
-using Pixels [[gnu::vector_size(kLanes)]] = std::uint8_t;
-using Words [[gnu::vector_size(kLanes * sizeof(std::uint16_t))]] = std::uint16_t;
-using Sums [[gnu::vector_size(kLanes * sizeof(std::uint32_t))]] = std::uint32_t;
-
-struct SumRowKernel {
-  VIEWFIX_KERNEL void Run(const std::uint8_t* pixels, int width, const std::uint32_t* above,
-                          std::uint32_t* sums) {
-    const Words zero{};
-    Sums before{};  // in all lanes: the row's pixels so far
-    sums[0] = 0;
-    int x = 0;
-    for (; x + kLanes <= width; x += kLanes) {
-      Pixels eight;
-      std::memcpy(&eight, pixels + x, sizeof(eight));
-      // Sums of up to two, four, eight pixels.
-      Words words = __builtin_convertvector(eight, Words);
-      words += __builtin_shufflevector(words, zero, 8, 0, 1, 2, 3, 4, 5, 6);
-      words += __builtin_shufflevector(words, zero, 8, 8, 0, 1, 2, 3, 4, 5);
-      words += __builtin_shufflevector(words, zero, 8, 8, 8, 8, 0, 1, 2, 3);
-      Sums here;
-      std::memcpy(&here, above + x + 1, sizeof(here));
-      here += before + __builtin_convertvector(words, Sums);
-      std::memcpy(sums + x + 1, &here, sizeof(here));
-      const Words total = __builtin_shufflevector(words, words, 7, 7, 7, 7, 7, 7, 7, 7);
-      before += __builtin_convertvector(total, Sums);
-    }
-    std::uint32_t row_sum = before[0];
-    for (; x < width; ++x) {
-      row_sum += pixels[x];
-      sums[x + 1] = above[x + 1] + row_sum;
-    }
+void SumRow(const std::uint8_t* pixels, int width, const std::uint32_t* __restrict above,
+            std::uint32_t* __restrict sums) {
+  std::uint32_t row_sum = 0;
+  sums[0] = 0;
+  for (int x = 0; x < width; ++x) {
+    row_sum += pixels[x];
+    sums[x + 1] = above[x + 1] + row_sum;
   }
-};
+}
 
 // Sums beyond a mirror are the ones before it, turned about the sum at the mirror itself.
 void MirrorEnds(int width, int border, std::uint32_t* sums) {
@@ -80,10 +52,9 @@ void MirrorRow(const std::uint32_t* __restrict inside, const std::uint32_t* __re
 
 }  // namespace
 
-IntegralImage::IntegralImage(int max_side, int border, CpuPath path)
+IntegralImage::IntegralImage(int max_side, int border)
     : max_side_(max_side),
       border_(border),
-      path_(path),
       sums_(std::size_t(max_side + 2 * border + 1) * RowLength(max_side, border) + kVector) {}
 
 void IntegralImage::Compute(const ImageView& image) {
@@ -96,7 +67,7 @@ void IntegralImage::Compute(const ImageView& image) {
   const auto row = [&](int y) { return origin_ + std::ptrdiff_t(y) * row_length_; };
   std::fill_n(row(0) - border_, width_ + 2 * border_ + 1, 0U);
   for (int y = 0; y < height_; ++y) {
-    RunOnPath<SumRowKernel>(path_, image.Row(y), width_, row(y), row(y + 1));
+    SumRow(image.Row(y), width_, row(y), row(y + 1));
     MirrorEnds(width_, border_, row(y + 1));
   }
   for (int i = 1; i <= border_; ++i) {

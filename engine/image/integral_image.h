@@ -4,7 +4,6 @@
 #include <cstdint>
 
 #include "engine/base/aligned_vector.h"
-#include "engine/base/cpu_path.h"
 #include "engine/image/image_view.h"
 
 namespace viewfix {
@@ -24,7 +23,7 @@ namespace viewfix {
 class IntegralImage {
  public:
   // For images of up to max_side x max_side pixels; max_side >= 1, border >= 0.
-  IntegralImage(int max_side, int border, CpuPath path = BestCpuPath());
+  IntegralImage(int max_side, int border);
 
   // Both sides of `image` within 1..max_side.
   void Compute(const ImageView& image);
@@ -50,7 +49,6 @@ class IntegralImage {
  private:
   [[maybe_unused]] int max_side_;  // for assertions alone
   int border_;
-  CpuPath path_;
   int width_ = 0;
   int height_ = 0;
   int row_length_ = 0;

@@ -279,13 +279,9 @@ class MissingTracks {
             input_.frames[pair.frames.second_idx].capture};
   }
 
-  bool AreLookAlikes(const Shared& shared) const {
-    return Judge(shared.count) == Verdict::kLookAlike;
-  }
-
-  // Walks of one place are put together, those that share most surely first. Where much of what two
-  // groups share shows look-alikes, the rest was only not found out: a walk that sees little but
-  // what two places share goes with the place that it leaves fewer holes in.
+  // Walks of one place are put together, those that share most surely first. Where what two groups
+  // share has too many holes, what is left of it was only not found out: a walk that sees little
+  // but what two places share goes with the place that it leaves fewer holes in.
   void JudgeGroups(const std::map<Walks, Shared>& of_walks, std::vector<Verdict>& verdicts) const {
     std::map<std::string, std::string> group_of;  // by walk; named after one of its walks
     for (const auto& [walks, shared] : of_walks) {
@@ -298,8 +294,9 @@ class MissingTracks {
       const Walks walks = WalksOf(pairs_[i]);
       if (walks.first == walks.second) continue;
       const auto shared = of_groups.find(InOrder({group_of[walks.first], group_of[walks.second]}));
-      const bool of_two_places = shared != of_groups.end() && AreLookAlikes(shared->second);
-      if (of_two_places || AreLookAlikes(of_walks.at(InOrder(walks)))) {
+      const bool of_two_places =
+          shared != of_groups.end() && Judge(shared->second.count) == Verdict::kLookAlike;
+      if (of_two_places || Judge(of_walks.at(InOrder(walks)).count) == Verdict::kLookAlike) {
         verdicts[i] = Verdict::kLookAlike;
       }
     }

@@ -12,9 +12,10 @@ struct MissingTrackOptions {
   int window = 8;       // frames of one capture at most this far apart in order are neighbours
   int min_length = 6;   // key points of a track that is sure to belong to its place
   int min_chances = 6;  // to be seen by the other stretch's frames, before a track is missing there
-  // Greatest share of patches that are holes between two stretches that show the same place, and
-  // how many patches it takes to say so. The museum, seed 1: of two show windows that share half
-  // of their goods each pair of stretches has 0.06 or more, of a room seen again 99 % have less.
+  // Greatest share of patches that are holes between two stretches, walks or groups of walks that
+  // show the same place, and how many patches it takes to say so. The museum, seed 1: of two show
+  // windows that share half of their goods each pair of stretches has 0.06 or more, of a room seen
+  // again 99 % have less.
   double max_holes = 0.05;
   int min_patches = 20;
   // Pairs do not join groups of so many frames, nor walks, if they are fewer than min_links: chance
@@ -31,9 +32,9 @@ struct MissingTrackOptions {
 // stretch, at a scale that can be found there, should be seen there once in a few chances. In one
 // place seen again a few tracks here and there are missed; between look-alikes most tracks of
 // whole patches of the image are. Pairs between stretches with too many such holes are dropped,
-// and what else two walks (captures), or two groups of walks that show one place each, share, if
-// that is much of it. Then pairs that are few, if they alone join what other pairs do not: one
-// door, or poster, can hang in many rooms. Order is kept.
+// and all that two walks (captures), or two groups of walks that show one place each, share, if it
+// has too many holes as a whole. Then pairs that are few, if they alone join what other pairs do
+// not: one door, or poster, can hang in many rooms. Order is kept.
 std::vector<VerifiedPair> DropPairsMissingTracks(const MapInput& input,
                                                  std::span<const VerifiedPair> pairs,
                                                  const MissingTrackOptions& options = {});

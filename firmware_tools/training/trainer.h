@@ -33,11 +33,11 @@ struct TrainOptions {
   std::optional<double> c;
   std::optional<double> beta;
   std::optional<bool> other_views_negative;
-  int folds = 4;       // of held-out blocks, >= 2
-  // Share of the answers by scores alone that may be wrong, by held-out blocks, which lie farther
-  // from the images left than frames of the same walks will: with each fifth of the IE Tower's
-  // training images put aside, 0.05 made 0.8 % of the answers to those wrong (43 % answered), 0.03
-  // none (27 %), 0.02 none (3 %).
+  int folds = 4;  // of held-out blocks, >= 2
+  // Share, 0..1, of the answers by scores alone that may be wrong, by held-out blocks, which lie
+  // farther from the images left than frames of the same walks will: with each fifth of the IE
+  // Tower's training images put aside, 0.05 made 0.8 % of the answers to those wrong (43 %
+  // answered), 0.03 none (27 %), 0.02 none (3 %).
   double wrong_share = 0.05;
   SiteMapOptions map;  // where landmarks come from
   // Of an image, for a map from photographs alone: more hold it together better than what a board

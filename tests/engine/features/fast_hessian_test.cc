@@ -61,14 +61,14 @@ TEST(FastHessian, ResponsesEqualTheFiltersAppliedDirectly) {
   }
 }
 
-std::vector<Keypoint> Detect(const TestImage& image, float threshold) {
+std::vector<Keypoint> Detect(const TestImage& image, float threshold, int max_features = 2000) {
   const int side = std::max(image.width, image.height);
   IntegralImage integral(side, FastHessian::kReach);
   integral.Compute(image.View());
-  GridSelector selector(side, 2000);
+  GridSelector selector(side, max_features);
   selector.Start(image.width, image.height);
   FastHessian(side).Detect(integral, threshold, selector);
-  FeatureSet features(2000, 1);
+  FeatureSet features(max_features, 1);
   selector.Select(features);
   return {features.keypoints().begin(), features.keypoints().end()};
 }
@@ -126,6 +126,23 @@ TEST(FastHessian, EachPointIsAboveTheThreshold) {
   EXPECT_GT(few.size(), 0U);
   for (const Keypoint& keypoint : few)
     EXPECT_GT(keypoint.response, 1e-2F * std::pow(keypoint.sigma, 0.25F));
+}
+
+// What is left out on the way could not have been among the chosen.
+TEST(FastHessian, FindsTheBestOfAll) {
+  for (const int seed : {5, 6, 7}) {
+    const TestImage image = seed == 7 ? NoiseImage(240, 200, seed) : BarsImage(240, 200, seed);
+    GridSelector selector(240, 100);
+    selector.Start(image.width, image.height);
+    for (const Keypoint& keypoint : Detect(image, 1e-5F, 8192)) selector.Add(keypoint);
+    FeatureSet expected(100, 1);
+    selector.Select(expected);
+    EXPECT_EQ(expected.size(), 100);
+    const auto same = [](const Keypoint& a, const Keypoint& b) {
+      return a.x == b.x && a.y == b.y && a.sigma == b.sigma && a.response == b.response;
+    };
+    EXPECT_TRUE(std::ranges::equal(Detect(image, 1e-5F, 100), expected.keypoints(), same)) << seed;
+  }
 }
 
 TEST(FastHessian, FindsPointsNearTheEdges) {

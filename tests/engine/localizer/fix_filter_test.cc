@@ -14,9 +14,9 @@ constexpr int kLobby = 1;
 
 class FixFilterTest : public testing::Test {
  protected:
-  static std::vector<std::uint8_t> File() {
+  static std::vector<std::uint8_t> File(float threshold = 0.5F) {
     ModelData data = TinyModelData();
-    data.confidence.threshold = 0.5F;
+    data.confidence.threshold = threshold;
     AddTinyMaps(data);
     return *WriteModel(data);
   }
@@ -151,6 +151,20 @@ TEST_F(FixFilterTest, PosesOutOfReachContradictThoughTheNameBeTheSame) {
 }
 
 // How long a unit is, is not known there (map 1 of the tiny model).
+// The threshold of answers without a pose is on another curve than the confidence of poses.
+TEST_F(FixFilterTest, PosesAreWithheldBelowOneHalfOthersBelowTheThreshold) {
+  const std::vector<std::uint8_t> file = File(0.8F);
+  const ModelView model = *ModelView::Open(file);
+  for (const bool pose : {true, false}) {
+    FixFilter filter(model);
+    Fix before = PoseAt(kHall, 0.8F, 0), fix = pose ? PoseAt(kLobby, 0.9F, 50) : At(kLobby, 0.9F);
+    filter.Apply(0, before);
+    filter.Apply(1, fix);
+    EXPECT_NEAR(fix.confidence, 0.7114, 1e-4);
+    EXPECT_EQ(fix.localized, pose);
+  }
+}
+
 TEST_F(FixFilterTest, InAMapWithoutScaleNamesDecide) {
   Next(0, PoseAt(kHall, 0.9F, 0, 1));
   EXPECT_GT(Next(1, PoseAt(kHall, 0.9F, 50, 1)).confidence, 0.95F);

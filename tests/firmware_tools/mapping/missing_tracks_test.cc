@@ -150,7 +150,8 @@ TEST(DropPairsMissingTracks, WhatWalksShareIsJudgedAsAWhole) {
   for (int f = 0; f < 4 * kFrames; ++f) {
     walks.input.frames[f].capture = f < 2 * kFrames ? "walk 1" : "walk 2";
   }
-  walks.Link(6, [](int column, int row) { return row < 4 && EachOtherShelf(column, row); }, 0, 2);
+  walks.Link(
+      6, [](int column, int row) { return row < 4 && EachOtherShelf(column, row); }, 0, 2);
   EXPECT_EQ(walks.Kept(), walks.in_order) << "by itself";
   walks.Link(8, Everywhere, 1, 3);
   EXPECT_EQ(walks.KeptBetween(0, 2), 0U) << "36 of 100 pairs";
