@@ -294,7 +294,7 @@ struct ThinKernel {
 
 [[gnu::always_inline]] inline float Greater(float a, float b) { return a > b ? a : b; }
 
-// The greatest of a layer's three rows, column by column, in any order of the rows.
+// The greatest of a layer's three rows, column by column.
 struct GreatestKernel {
   VIEWFIX_KERNEL void Run(const float* a, const float* b, const float* c, int columns, float* out) {
     float* __restrict greatest = out;
@@ -346,12 +346,9 @@ FastHessian::FastHessian(int max_image_side, CpuPath path)
 
 int FastHessian::ColumnSumsLength() const { return kMargin + WholeVectors(stride_ + kReach + 1); }
 
-float* FastHessian::Rows(int octave, int layer) {
-  return responses_.data() + kVector + (octave * kMaxLayers + layer) * kRows * stride_;
-}
-
 float* FastHessian::Row(int octave, int layer, int row) {
-  return Rows(octave, layer) + row % kRows * stride_;
+  const int idx = (octave * kMaxLayers + layer) * kRows + row % kRows;
+  return responses_.data() + kVector + idx * stride_;
 }
 
 float* FastHessian::GreatestRow(int layer) { return greatest_.data() + kVector + layer * stride_; }
@@ -386,11 +383,6 @@ void FastHessian::FillRow(const IntegralImage& image, int octave, int row, int c
       ResponseRow(image, row * shape.step, shape.lobes[layer], shape.step, columns, responses);
     }
   }
-  for (int layer = 0; layer < shape.layers; ++layer) {
-    const float* const rows = Rows(octave, layer);
-    RunOnPath<GreatestKernel>(path_, rows, rows + stride_, rows + 2 * stride_, columns,
-                              GreatestRow(layer));
-  }
 }
 
 void FastHessian::Detect(const IntegralImage& image, float threshold, GridSelector& selector) {
@@ -413,10 +405,13 @@ void FastHessian::SearchRow(const IntegralImage& image, int octave, int row, int
   LayerRows values;
   LayerRows greatest;
   for (int layer = 0; layer < kMaxLayers; ++layer) {
-    const float* const first = Rows(octave, layer);
-    for (int i = 0; i < kRows; ++i) rows[layer][i] = first + (row + i - 1) % kRows * stride_;
+    for (int i = 0; i < kRows; ++i) rows[layer][i] = Row(octave, layer, row + i - 1);
     values[layer] = rows[layer][1];
     greatest[layer] = GreatestRow(layer);
+  }
+  for (int layer = 0; layer < kOctaves[octave].layers; ++layer) {
+    const auto& [above, middle, below] = rows[layer];
+    RunOnPath<GreatestKernel>(path_, above, middle, below, columns, GreatestRow(layer));
   }
   const float least = std::nextafter(threshold, std::numeric_limits<float>::max());
   if (kOctaves[octave].layers == kMaxLayers) {

@@ -40,7 +40,6 @@ class FastHessian {
 
  private:
   int ColumnSumsLength() const;
-  float* Rows(int octave, int layer);
   float* Row(int octave, int layer, int row);
   float* GreatestRow(int layer);
   void Thin(const float* dense, int step, int columns, float* responses);

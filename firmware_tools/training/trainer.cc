@@ -296,14 +296,18 @@ ModelFeatures FeaturesOf(const FeatureStore& store) {
           store.dim};
 }
 
-ModelConfidence ConfidenceOf(const Labels& labels, const HeldOut& result, double wrong_share) {
+ModelConfidence FitAndLimit(std::span<const Outcome> held_out, double wrong_share) {
+  ModelConfidence confidence = FitConfidence(held_out);
+  LimitWrongAnswers(held_out, wrong_share, confidence);
+  return confidence;
+}
+
+std::vector<Outcome> OutcomesOf(const Labels& labels, const HeldOut& result) {
   std::vector<Outcome> outcomes;
   for (const HeldOut::Prediction& p : result.predictions) {
     outcomes.push_back({p.margin, p.location == labels.location[p.sample]});
   }
-  ModelConfidence confidence = FitConfidence(outcomes);
-  LimitWrongAnswers(outcomes, wrong_share, confidence);
-  return confidence;
+  return outcomes;
 }
 
 double ShareAnswered(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
@@ -341,8 +345,7 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
   TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
   if (details.table.codes.empty() || details.held_out.empty()) return {};
   model.details = details.table;
-  model.confidence = FitConfidence(details.held_out);
-  LimitWrongAnswers(details.held_out, options.details.wrong_share, model.confidence);
+  model.confidence = FitAndLimit(details.held_out, options.details.wrong_share);
   return details;
 }
 
@@ -604,7 +607,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   AssignAll(labels.pair_location, model.pair_location);
   AssignAll(labels.pair_view, model.pair_view);
   QuantizeWeights(scores, model);
-  model.confidence = ConfidenceOf(labels, tried.front(), options.wrong_share);
+  model.confidence = FitAndLimit(OutcomesOf(labels, tried.front()), options.wrong_share);
   const ModelData without_map = model;
   const std::vector<bool> none(labels.image_idxs.size(), false);
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, none, model);

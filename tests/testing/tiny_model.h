@@ -26,6 +26,7 @@ void AddTinyFloorPlan(ModelData& data);
 
 // Adds random details, three for each list: one of either location and a common one.
 void AddTinyDetails(ModelData& data);
+
 // The tiny model with words of features that have colours, all of them grey.
 ModelData ColourModelData();
 

@@ -94,11 +94,12 @@ TEST(GridSelector, PointsThatGaveWayKeepNoOthersOut) {
 
 TEST(GridSelector, TakesAnyResponse) {
   GridSelector selector(640, 300);
-  std::vector<Keypoint> points = RandomPoints(3, 640, 480, 11);
+  std::vector<Keypoint> points = RandomPoints(4, 640, 480, 11);
   points[0].response = 0;
   points[1].response = -0.0F;
   points[2].response = -1;
-  EXPECT_EQ(SelectWithoutHopeless(selector, points, 640, 480).size(), 3U);
+  points[3].response = 1e-40F;
+  EXPECT_EQ(SelectWithoutHopeless(selector, points, 640, 480).size(), 4U);
 }
 
 // Without points that cannot be chosen any more the choice is the same: of points all over the

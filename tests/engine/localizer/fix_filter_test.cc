@@ -150,7 +150,6 @@ TEST_F(FixFilterTest, PosesOutOfReachContradictThoughTheNameBeTheSame) {
   EXPECT_GT(Next(22, PoseAt(kHall, 0.9F, 1.5)).confidence, 0.95F) << "two frames' way";
 }
 
-// How long a unit is, is not known there (map 1 of the tiny model).
 // The threshold of answers without a pose is on another curve than the confidence of poses.
 TEST_F(FixFilterTest, PosesAreWithheldBelowOneHalfOthersBelowTheThreshold) {
   const std::vector<std::uint8_t> file = File(0.8F);
@@ -165,6 +164,7 @@ TEST_F(FixFilterTest, PosesAreWithheldBelowOneHalfOthersBelowTheThreshold) {
   }
 }
 
+// How long a unit is, is not known there (map 1 of the tiny model).
 TEST_F(FixFilterTest, InAMapWithoutScaleNamesDecide) {
   Next(0, PoseAt(kHall, 0.9F, 0, 1));
   EXPECT_GT(Next(1, PoseAt(kHall, 0.9F, 50, 1)).confidence, 0.95F);
