@@ -8,9 +8,15 @@ namespace viewfix {
 // One kernel, compiled for several processors: the build is for the least of them, and what
 // the one at hand can do beyond that shows at run time only. Kernels are plain loops over
 // integers, or over floats without a sum across lanes or a fused multiply-add, so all paths
-// give the same bits. On ARM the build itself says what there is (NEON on 64 bits), and the
-// plain path is the only one.
-enum class CpuPath { kPlain, kAvx2, kAvx512 };
+// give the same bits. On ARM the build itself says what there is (NEON on 64 bits); only dot
+// products of bytes have a path of their own.
+enum class CpuPath {
+  kPlain,
+  kAvx2,
+  kAvx512,
+  kAvx512Vnni,  // and dot products of bytes, and tables of bytes (VBMI): Ice Lake, Zen 4 and later
+  kNeonDot,     // dot products of bytes: Cortex-A55, A75 and later
+};
 
 // The fastest path of this processor.
 CpuPath BestCpuPath();
@@ -33,8 +39,7 @@ template <typename Kernel, typename... Args>
 #endif
 
 template <typename Kernel, typename... Args>
-[[gnu::target(VIEWFIX_AVX512), gnu::flatten]]
-void RunWithAvx512(Args... args) {
+[[gnu::target(VIEWFIX_AVX512), gnu::flatten]] void RunWithAvx512(Args... args) {
   Kernel::Run(args...);
 }
 #endif
@@ -43,7 +48,7 @@ void RunWithAvx512(Args... args) {
 template <typename Kernel, typename... Args>
 void RunOnPath([[maybe_unused]] CpuPath path, Args... args) {
 #if defined(__x86_64__)
-  if (path == CpuPath::kAvx512) return RunWithAvx512<Kernel>(args...);
+  if (path >= CpuPath::kAvx512) return RunWithAvx512<Kernel>(args...);
   if (path == CpuPath::kAvx2) return RunWithAvx2<Kernel>(args...);
 #endif
   Kernel::Run(args...);

@@ -1,28 +1,44 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "engine/matching/code_scan.h"
 
+#include <algorithm>
+#include <limits>
+
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
 
 namespace viewfix {
 
+CodeScan::CodeScan(int parts, CpuPath path)
+    : parts_(parts),
+      path_(path),
+      bytes_(path == CpuPath::kAvx512Vnni),
+      byte_table_(bytes_ ? std::size_t(parts) * kCodesOfPart : 0),
+      sums_(kMaxBlocks * kScanBlock) {}
+
 #if defined(__x86_64__)
 namespace {
 
+#define VIEWFIX_WORDS "avx512f,avx512bw"
+#define VIEWFIX_BYTES "avx512f,avx512bw,avx512vbmi"
+
+constexpr int kHalf = kScanBlock / 2;  // 16-bit numbers of a vector
+static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
+
 // The 256 values of one part.
-struct PartTable {
+struct WordTable {
   __m512i values[8];
 };
 
-[[gnu::target("avx512f,avx512bw")]] inline PartTable LoadTable(const std::int16_t* table) {
-  PartTable loaded;
-  for (int i = 0; i < 8; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kScanBlock);
+[[gnu::target(VIEWFIX_WORDS)]] inline WordTable LoadWords(const std::int16_t* table) {
+  WordTable loaded;
+  for (int i = 0; i < 8; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kHalf);
   return loaded;
 }
 
 // One instruction looks up 6 bits of a code in two vectors; the upper two bits choose which two.
-[[gnu::target("avx512f,avx512bw")]] inline __m512i LookUp(const PartTable& table, __m512i codes) {
+[[gnu::target(VIEWFIX_WORDS)]] inline __m512i LookUp(const WordTable& table, __m512i codes) {
   const __m512i* const v = table.values;
   const __mmask32 bit6 = _mm512_test_epi16_mask(codes, _mm512_set1_epi16(64));
   const __mmask32 bit7 = _mm512_test_epi16_mask(codes, _mm512_set1_epi16(128));
@@ -33,36 +49,139 @@ struct PartTable {
   return _mm512_mask_blend_epi16(bit7, low, high);
 }
 
-// Part after part, so that a part's table stays in registers.
-[[gnu::target("avx512f,avx512bw")]] void ScanAvx512(const std::int16_t* table,
-                                                    const std::uint8_t* codes,
-                                                    const std::int16_t* half_norm2, int parts,
-                                                    int num_blocks, std::int16_t least,
-                                                    std::int16_t* sums, std::uint32_t* found) {
-  for (int p = 0; p < parts; ++p) {
-    const PartTable part = LoadTable(table + p * kCodesOfPart);
-    for (int b = 0; b < num_blocks; ++b) {
-      const auto* const bytes =
-          reinterpret_cast<const __m256i*>(codes + (b * parts + p) * kScanBlock);
-      const __m512i values = LookUp(part, _mm512_cvtepu8_epi16(_mm256_loadu_si256(bytes)));
-      std::int16_t* const sum = sums + b * kScanBlock;
-      const __m512i before = p == 0 ? _mm512_setzero_si512() : _mm512_loadu_si512(sum);
-      _mm512_storeu_si512(sum, _mm512_add_epi16(before, values));
-    }
+// The same of bytes: 7 bits of a code in two vectors.
+struct ByteTable {
+  __m512i values[4];
+};
+
+[[gnu::target(VIEWFIX_BYTES)]] inline ByteTable LoadBytes(const std::uint8_t* table) {
+  ByteTable loaded;
+  for (int i = 0; i < 4; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kScanBlock);
+  return loaded;
+}
+
+[[gnu::target(VIEWFIX_BYTES)]] inline __m512i LookUp(const ByteTable& table, __m512i codes) {
+  const __m512i* const v = table.values;
+  return _mm512_mask_blend_epi8(_mm512_movepi8_mask(codes),
+                                _mm512_permutex2var_epi8(v[0], codes, v[1]),
+                                _mm512_permutex2var_epi8(v[2], codes, v[3]));
+}
+
+// The two halves of a block: what lies in the lower and in the upper bytes.
+struct Halves {
+  __m512i first, second;
+};
+
+[[gnu::target(VIEWFIX_WORDS)]] inline Halves Widen(__m512i bytes) {
+  return {_mm512_and_si512(bytes, _mm512_set1_epi16(255)), _mm512_srli_epi16(bytes, 8)};
+}
+
+[[gnu::target(VIEWFIX_WORDS)]] inline void AddTo(std::int16_t* sums, bool begin, Halves halves) {
+  if (!begin) {
+    halves.first = _mm512_add_epi16(halves.first, _mm512_loadu_si512(sums));
+    halves.second = _mm512_add_epi16(halves.second, _mm512_loadu_si512(sums + kHalf));
   }
-  const __m512i limit = _mm512_set1_epi16(least);
-  for (int b = 0; b < num_blocks; ++b) {
-    const __m512i sum = _mm512_loadu_si512(sums + b * kScanBlock);
-    const __m512i norm2 = _mm512_loadu_si512(half_norm2 + b * kScanBlock);
-    found[b] = _mm512_cmpge_epi16_mask(_mm512_subs_epi16(sum, norm2), limit);
+  _mm512_storeu_si512(sums, halves.first);
+  _mm512_storeu_si512(sums + kHalf, halves.second);
+}
+
+// Part after part, so that a part's table stays in registers.
+[[gnu::target(VIEWFIX_WORDS)]] void SumWords(const std::int16_t* table, const std::uint8_t* codes,
+                                             int parts, int num_blocks, std::int16_t* sums) {
+  for (int p = 0; p < parts; ++p) {
+    const WordTable part = LoadWords(table + p * kCodesOfPart);
+    for (int b = 0; b < num_blocks; ++b) {
+      const Halves of_part =
+          Widen(_mm512_loadu_si512(codes + (std::size_t(b) * parts + p) * kScanBlock));
+      AddTo(sums + b * kScanBlock, p == 0,
+            {LookUp(part, of_part.first), LookUp(part, of_part.second)});
+    }
   }
 }
 
+[[gnu::target(VIEWFIX_BYTES)]] void SumBytes(const std::uint8_t* table, const std::uint8_t* codes,
+                                             int parts, int num_blocks, std::int16_t* sums) {
+  for (int p = 0; p < parts; ++p) {
+    const ByteTable part = LoadBytes(table + p * kCodesOfPart);
+    for (int b = 0; b < num_blocks; ++b) {
+      const __m512i of_part = _mm512_loadu_si512(codes + (std::size_t(b) * parts + p) * kScanBlock);
+      AddTo(sums + b * kScanBlock, p == 0, Widen(LookUp(part, of_part)));
+    }
+  }
+}
+
+// found: sum - norm2 / 2 / 2^shift >= least, the division rounded down, the difference cut
+[[gnu::target(VIEWFIX_WORDS)]] void FindGreat(const std::int16_t* sums, const std::uint16_t* norm2,
+                                              int num_blocks, std::int16_t least, int shift,
+                                              std::uint64_t* found) {
+  const __m512i limit = _mm512_set1_epi16(least);
+  const auto great = [&](int i) __attribute__((target(VIEWFIX_WORDS))) {
+    const __m512i half = _mm512_srli_epi16(_mm512_loadu_si512(norm2 + i), 1 + shift);
+    const __m512i difference = _mm512_subs_epi16(_mm512_loadu_si512(sums + i), half);
+    return std::uint64_t{_mm512_cmpge_epi16_mask(difference, limit)};
+  };
+  for (int b = 0; b < num_blocks; ++b) {
+    found[b] = great(b * kScanBlock) | great(b * kScanBlock + kHalf) << kHalf;
+  }
+}
+
+struct LargestKernel {
+  VIEWFIX_KERNEL void Run(const std::int16_t* values, int n, std::uint16_t* largest) {
+    std::uint16_t magnitude = 0;
+    for (int i = 0; i < n; ++i) {
+      const std::int16_t value = values[i];
+      magnitude = std::max(magnitude, static_cast<std::uint16_t>(value < 0 ? -value : value));
+    }
+    *largest = magnitude;
+  }
+};
+
+// bytes = (values + offset) / 2^shift, rounded down
+struct ToBytesKernel {
+  VIEWFIX_KERNEL void Run(const std::int16_t* values, int n, std::uint16_t offset, int shift,
+                          std::uint8_t* bytes) {
+    for (int i = 0; i < n; ++i) {
+      const auto moved = static_cast<std::uint16_t>(values[i] + offset);
+      bytes[i] = static_cast<std::uint8_t>(moved >> shift);
+    }
+  }
+};
+
 }  // namespace
 
-ScanCodes ScanCodesFor(CpuPath path) { return path == CpuPath::kAvx512 ? ScanAvx512 : nullptr; }
+// Bytes are rounded up, so that a sum of them is never less than that of what they stand for.
+void CodeScan::SetTable(const std::int16_t* table) {
+  table_ = table;
+  if (!bytes_) return;
+  const int size = parts_ * kCodesOfPart;
+  RunOnPath<LargestKernel>(path_, table, size, &largest_);
+  shift_ = 0;
+  while (2 * largest_ > 255 << shift_) ++shift_;
+  const auto offset = static_cast<std::uint16_t>(largest_ + (1 << shift_) - 1);
+  RunOnPath<ToBytesKernel>(path_, table, size, offset, shift_, byte_table_.data());
+}
+
+void CodeScan::Scan(const std::uint8_t* codes, const std::uint16_t* norm2, int num_blocks,
+                    std::int32_t least, std::uint64_t* found) {
+  using Limits = std::numeric_limits<std::int16_t>;
+  // s' / 2^shift >= (norm2 / 2 + needed) / 2^shift, which is not less than the sum of both rounded
+  // down.
+  const std::int32_t needed = (least + parts_ * largest_) >> shift_;
+  const auto limit =
+      static_cast<std::int16_t>(std::clamp<std::int32_t>(needed, Limits::min(), Limits::max()));
+  if (bytes_) {
+    SumBytes(byte_table_.data(), codes, parts_, num_blocks, sums_.data());
+  } else {
+    SumWords(table_, codes, parts_, num_blocks, sums_.data());
+  }
+  FindGreat(sums_.data(), norm2, num_blocks, limit, shift_, found);
+}
+
 #else
-ScanCodes ScanCodesFor(CpuPath) { return nullptr; }
+
+void CodeScan::SetTable(const std::int16_t*) {}
+void CodeScan::Scan(const std::uint8_t*, const std::uint16_t*, int, std::int32_t, std::uint64_t*) {}
+
 #endif
 
 }  // namespace viewfix

@@ -5,23 +5,11 @@
 #include <array>
 #include <cmath>
 
-#include "engine/matching/dot_tile.h"
-
 namespace viewfix {
 namespace {
 
 constexpr int kBlock = kTileRows;  // of either side
 static_assert(kBlock % kTileQueries == 0);
-
-void PackAsQuery(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows) {
-  const int tile_dim = TileDim(static_cast<int>(descriptor.size()));
-  PackQuery(descriptor, rows + std::size_t(row) * tile_dim);
-}
-
-void PackInBlock(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows) {
-  const int tile_dim = TileDim(static_cast<int>(descriptor.size()));
-  PackRow(descriptor, row % kBlock, rows + std::size_t(row / kBlock) * kBlock * tile_dim);
-}
 
 void Update(NearestTwo& nearest, std::int32_t distance2, int candidate_idx) {
   if (distance2 >= nearest.second_distance2) return;
@@ -68,12 +56,14 @@ Status MatchOptions::Validate() const {
   return {};
 }
 
-DescriptorMatcher::Side::Side(int capacity, int dim)
-    : rows(std::size_t(RowCapacity(capacity) + kBlock) / kBlock * kBlock * TileDim(dim)),
+DescriptorMatcher::Side::Side(int capacity, std::size_t bytes_per_block)
+    : packed((RowCapacity(capacity) + kBlock) / kBlock * bytes_per_block),
       norm2(RowCapacity(capacity)),
       idx(RowCapacity(capacity)) {}
 
-void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int dim, Pack pack) {
+template <typename Pack>
+void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int dim,
+                                   const Pack& pack) {
   static constexpr std::array<std::int8_t, kMaxDescriptorDim> kZeros{};
   const int n = static_cast<int>(set.descriptors.size()) / dim;
   int row = 0;
@@ -84,12 +74,12 @@ void DescriptorMatcher::Side::Fill(const DescriptorSet& set, bool use_signs, int
       const auto descriptor = set.descriptors.subspan(std::size_t(i) * dim, dim);
       std::int32_t sum = 0;
       for (const std::int32_t value : descriptor) sum += value * value;
-      pack(descriptor, row, rows.data());
+      pack(descriptor, row, packed.data());
       norm2[row] = sum;
       idx[row++] = i;
     }
     for (; row % kBlock != 0; ++row) {
-      pack(std::span(kZeros).first(dim), row, rows.data());
+      pack(std::span(kZeros).first(dim), row, packed.data());
       norm2[row] = NearestTwo::kNone;
       idx[row] = -1;
     }
@@ -102,8 +92,9 @@ DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int di
       max_queries_(max_queries),
       max_candidates_(max_candidates),
       path_(path),
-      queries_(max_queries, dim),
-      candidates_(max_candidates, dim),
+      tile_(dim, path),
+      queries_(max_queries, kBlock * tile_.query_bytes()),
+      candidates_(max_candidates, tile_.block_bytes()),
       nearest_(RowCapacity(max_queries)),
       best_distance2_(RowCapacity(max_candidates)),
       best_query_(RowCapacity(max_candidates)),
@@ -144,9 +135,8 @@ void DescriptorMatcher::Compare() {
 // Queries q .. q + kTileQueries - 1 with candidates c .. c + kBlock - 1.
 void DescriptorMatcher::CompareTile(int q, int c) {
   std::array<std::int32_t, kTileQueries * kBlock> products;
-  const int tile_dim = TileDim(dim_);
-  DotTileFor(path_)(queries_.rows.data() + std::size_t(q) * tile_dim,
-                    candidates_.rows.data() + std::size_t(c) * tile_dim, tile_dim, products.data());
+  tile_.Products(&queries_.packed[q * tile_.query_bytes()],
+                 &candidates_.packed[c / kBlock * tile_.block_bytes()], products.data());
   for (int i = 0; i < kTileQueries; ++i) {
     RunOnPath<CompareKernel>(path_, products.data() + i * kBlock, queries_.norm2[q + i],
                              queries_.idx[q + i], candidates_.norm2.data() + c,
@@ -163,8 +153,14 @@ Status DescriptorMatcher::FindNearest(const DescriptorSet& queries, const Descri
     return {StatusCode::kInvalidArgument, "one result for each query"};
   }
   const bool use_signs = !queries.signs.empty() && !candidates.signs.empty();
-  queries_.Fill(queries, use_signs, dim_, PackAsQuery);
-  candidates_.Fill(candidates, use_signs, dim_, PackInBlock);
+  const auto pack_query = [this](auto descriptor, int row, std::uint8_t* packed) {
+    tile_.PackQuery(descriptor, packed + row * tile_.query_bytes());
+  };
+  const auto pack_in_block = [this](auto descriptor, int row, std::uint8_t* packed) {
+    tile_.PackRow(descriptor, row % kBlock, packed + row / kBlock * tile_.block_bytes());
+  };
+  queries_.Fill(queries, use_signs, dim_, pack_query);
+  candidates_.Fill(candidates, use_signs, dim_, pack_in_block);
   Compare();
   for (int row = 0; row < queries_.begin[kSigns]; ++row) {
     if (queries_.idx[row] >= 0) nearest_out[queries_.idx[row]] = nearest_[row];

@@ -7,6 +7,7 @@
 
 #include "engine/base/cpu_path.h"
 #include "engine/base/status.h"
+#include "engine/matching/dot_tile.h"
 
 namespace viewfix {
 
@@ -62,20 +63,18 @@ class DescriptorMatcher {
  private:
   static constexpr int kSigns = 3;
 
-  // Writes a descriptor as number `row` of rows that are laid out for dot_tile.h.
-  using Pack = void (*)(std::span<const std::int8_t> descriptor, int row, std::int16_t* rows);
-
-  // One side, ordered by sign and widened; each sign begins at a multiple of a block, and
+  // One side, ordered by sign and packed for tile_; each sign begins at a multiple of a block, and
   // what fills up the block before it is farther away than anything.
   struct Side {
-    Side(int capacity, int dim);
-    // pack   writes a descriptor as a query or as a row of a block
-    void Fill(const DescriptorSet& set, bool use_signs, int dim, Pack pack);
+    Side(int capacity, std::size_t bytes_per_block);
+    // pack   writes a descriptor as number `row` of the packed ones
+    template <typename Pack>
+    void Fill(const DescriptorSet& set, bool use_signs, int dim, const Pack& pack);
 
-    std::vector<std::int16_t> rows;   // [capacity + filling, TileDim]
-    std::vector<std::int32_t> norm2;  // [same]
-    std::vector<int> idx;             // [same] of the caller
-    int begin[kSigns + 1] = {};       // of each sign's rows
+    std::vector<std::uint8_t> packed;  // [capacity + filling] queries, or rows in blocks
+    std::vector<std::int32_t> norm2;   // [same]
+    std::vector<int> idx;              // [same] of the caller
+    int begin[kSigns + 1] = {};        // of each sign's rows
   };
 
   Status Check(const DescriptorSet& set, int capacity) const;
@@ -86,6 +85,7 @@ class DescriptorMatcher {
   int max_queries_;
   int max_candidates_;
   CpuPath path_;
+  DotTile tile_;
   Side queries_;
   Side candidates_;
   std::vector<NearestTwo> nearest_;           // [query rows]

@@ -10,14 +10,13 @@
 #include <numeric>
 
 #include "engine/base/cpu_path.h"
-#include "engine/matching/dot_tile.h"
 
 namespace viewfix {
 namespace {
 
 constexpr std::int32_t kFar2 = PlaceEvidence::kFar * PlaceEvidence::kFar;
-constexpr int kBlocksTogether = 16;  // of a list, scanned at once
-constexpr std::int32_t kLargest16 = std::numeric_limits<std::int16_t>::max();
+constexpr int kFirstBlocks = 1;  // of a list, scanned at once
+constexpr std::int32_t kLong2 = std::numeric_limits<std::uint16_t>::max();
 
 std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
   std::int32_t sum = 0;
@@ -64,9 +63,8 @@ struct RoundKernel {
 
 // The sum of what a detail's codes stand for; the codes of its parts lie `stride` apart.
 //   kParts   where the compiler is to know it and needs no loop; 0: `parts` says
-template <int kParts>
-std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, std::size_t stride,
-                      int parts) {
+template <int kParts, typename T>
+std::int32_t SumCodes(const T* table, const std::uint8_t* codes, std::size_t stride, int parts) {
   const int n = kParts > 0 ? kParts : parts;
   std::int32_t sum = 0;
   for (int p = 0; p < n; ++p) sum += table[p * kCodesOfPart + codes[p * stride]];
@@ -79,27 +77,26 @@ Turner::Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path)
     : dim_(dim),
       turned_dim_(static_cast<int>(rotation.size()) / dim),
       path_(path),
-      rows_(std::size_t((turned_dim_ + kTileRows - 1) / kTileRows) * kTileRows * TileDim(dim)) {
+      tile_(dim, path),
+      rows_((turned_dim_ + kTileRows - 1) / kTileRows * tile_.block_bytes()) {
   for (int i = 0; i < turned_dim_; ++i) {
-    PackRow(rotation.subspan(std::size_t(i) * dim, dim), i % kTileRows,
-            &rows_[std::size_t(i / kTileRows) * kTileRows * TileDim(dim)]);
+    tile_.PackRow(rotation.subspan(std::size_t(i) * dim, dim), i % kTileRows,
+                  &rows_[i / kTileRows * tile_.block_bytes()]);
   }
 }
 
 void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned) const {
-  std::array<std::int16_t, kTileQueries * kMaxDescriptorDim> queries{};
+  std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
   std::array<std::int32_t, kTileQueries * kTileRows> sums;
-  assert(dim_ <= kMaxDescriptorDim);
-  const int tile_dim = TileDim(dim_);
   const int size = static_cast<int>(descriptors.size()) / dim_;
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
     for (int i = 0; i < n; ++i) {
-      PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
+      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_),
+                      &queries[i * tile_.query_bytes()]);
     }
     for (int row = 0; row < turned_dim_; row += kTileRows) {
-      DotTileFor(path_)(queries.data(), rows_.data() + std::size_t(row) * tile_dim, tile_dim,
-                        sums.data());
+      tile_.Products(queries.data(), &rows_[row / kTileRows * tile_.block_bytes()], sums.data());
       RunOnPath<RoundKernel>(path_, sums.data(), n, std::min(kTileRows, turned_dim_ - row),
                              turned_dim_, turned + std::size_t(begin) * turned_dim_ + row);
     }
@@ -110,8 +107,6 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
                              const ModelDetails& details, int num_locations, int max_features,
                              CpuPath path)
     : path_(path),
-      scan_(ScanCodesFor(path)),
-      block_shift_(scan_ == nullptr ? 0 : kScanBlockShift),
       details_(details),
       turner_(details.rotation, dim, path),
       dim_(turner_.turned_dim()),
@@ -120,17 +115,16 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
       codebook_(details.codebook.size()),
       list_begin_(2 * (words.size() / dim) + 1, 0),
       location_(details.size),
-      norm2_(details.size),
       turned_(std::size_t(max_features) * dim_),
       wide_table_(std::size_t(details.parts) * kCodesOfPart),
       table_(wide_table_.size()),
-      sums_(kBlocksTogether * kScanBlock),
       evidence_(num_locations + 1, 0.0F),
       votes_(num_locations + 1, 0),
       choices_(max_features, -1) {
   const std::size_t blocks = (std::size_t(details.size) + kScanBlock - 1) / kScanBlock;
   codes_.resize(blocks * kScanBlock * details.parts);
-  if (scan_ != nullptr) half_norm2_.resize(blocks * kScanBlock);
+  norm2_.resize(blocks * kScanBlock);
+  if (CodeScan::Has(path)) scan_.emplace(details.parts, path);
   turner_.Turn(words, words_.data());
   const int piece = dim_ / details.parts;
   for (int p = 0; p < details.parts; ++p) {
@@ -145,9 +139,11 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
   SumNorms();
 }
 
+// Where they are scanned, in blocks, part after part.
 std::size_t PlaceEvidence::CodeAt(std::uint32_t detail, int part) const {
-  const std::size_t block = std::size_t{detail >> block_shift_} * details_.parts + part;
-  return (block << block_shift_) + (detail & ((1U << block_shift_) - 1));
+  if (!scan_) return std::size_t{detail} * details_.parts + part;
+  const std::size_t row = std::size_t{detail / kScanBlock} * details_.parts + part;
+  return row * kScanBlock + ScanPlace(static_cast<int>(detail % kScanBlock));
 }
 
 // The model keeps a location's details together; a feature asks for those of a word.
@@ -193,24 +189,30 @@ void PlaceEvidence::SumNorms() {
     }
     const std::int32_t word_norm2 = Dot(word, word, dim_);
     for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
-      norm2_[d] = word_norm2 + SumCodes<0>(wide_table_.data(), &codes_[CodeAt(d, 0)],
-                                           std::size_t{1} << block_shift_, parts);
+      const std::int32_t norm2 =
+          word_norm2 + SumCodes<0>(wide_table_.data(), &codes_[CodeAt(d, 0)], CodeStride(), parts);
+      norm2_[d] = static_cast<std::uint16_t>(std::min(norm2, kLong2));
+      if (norm2 >= kLong2) long_.push_back({d, norm2});
     }
-  }
-  for (std::size_t d = 0; scan_ != nullptr && d < norm2_.size(); ++d) {
-    half_norm2_[d] = static_cast<std::int16_t>(std::min(norm2_[d] / 2, kLargest16));
   }
 }
 
-// Whether all products fit into 16 bits: |q'r| <= |q| |r|. Real descriptors' are far from it.
+std::int32_t PlaceEvidence::Norm2(std::uint32_t detail) const {
+  if (norm2_[detail] < kLong2) return norm2_[detail];
+  return std::ranges::lower_bound(long_, detail, {}, &LongDetail::detail)->norm2;
+}
+
+// Whether all products can be scanned: |q'r| <= |q| |r|. Real descriptors' are far from it.
 bool PlaceEvidence::FitsTable(std::int32_t query_norm2) const {
-  return query_norm2 * longest2_ <= std::int64_t{kLargest16} * kLargest16;
+  constexpr std::int64_t kMaxSum = CodeScan::kMaxSum;
+  return query_norm2 * longest2_ <= kMaxSum * kMaxSum;
 }
 
 void PlaceEvidence::FillTable(const std::int8_t* descriptor, bool narrow) {
   const int parts = details_.parts, piece = dim_ / parts;
   if (narrow) {
     RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), table_.data());
+    scan_->SetTable(table_.data());
   } else {
     RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), wide_table_.data());
   }
@@ -232,37 +234,39 @@ void PlaceEvidence::Take(std::uint32_t detail, std::int32_t distance2, int hidde
 
 //   base  |q|^2 - 2 q'w of the feature q and the list's word w
 void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, int hidden) {
-  const int parts = details_.parts;
-  const std::size_t stride = std::size_t{1} << block_shift_;
-  for (std::uint32_t d = list[0]; d < list[1]; ++d) {
-    const std::uint8_t* codes = &codes_[CodeAt(d, 0)];
-    const std::int32_t product = parts == 8 ? SumCodes<8>(wide_table_.data(), codes, stride, parts)
-                                            : SumCodes<0>(wide_table_.data(), codes, stride, parts);
-    const std::int32_t distance2 = base + norm2_[d] - 2 * product;
-    if (distance2 < nearest_.second_distance2) Take(d, distance2, hidden);
-  }
+  for (std::uint32_t d = list[0]; d < list[1]; ++d) Compare(wide_table_.data(), base, d, hidden);
 }
 
-// The same, by blocks: those whose product q'r is too small for their length are passed over.
+template <typename T>
+void PlaceEvidence::Compare(const T* table, std::int32_t base, std::uint32_t detail, int hidden) {
+  const int parts = details_.parts;
+  const std::uint8_t* codes = &codes_[CodeAt(detail, 0)];
+  const std::int32_t product = parts == 8 ? SumCodes<8>(table, codes, CodeStride(), parts)
+                                          : SumCodes<0>(table, codes, CodeStride(), parts);
+  const std::int32_t distance2 = base + Norm2(detail) - 2 * product;
+  if (distance2 < nearest_.second_distance2) Take(detail, distance2, hidden);
+}
+
+// The same, by blocks: those whose product q'r is too small for their length are passed over. The
+// first few are scanned by themselves: what is nearest among them tells which others matter.
 void PlaceEvidence::CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden) {
-  constexpr std::uint32_t kTogether = kBlocksTogether * kScanBlock;
   const std::uint32_t begin = list[0], end = list[1];
-  if (begin == end) return;
-  std::array<std::uint32_t, kBlocksTogether> found;
-  for (std::uint32_t first = begin / kScanBlock * kScanBlock; first < end; first += kTogether) {
-    const std::uint32_t size = std::min(end - first, kTogether);
-    const int blocks = static_cast<int>((size + kScanBlock - 1) / kScanBlock);
+  std::array<std::uint64_t, CodeScan::kMaxBlocks> found;
+  std::uint32_t first = begin / kScanBlock * kScanBlock;
+  for (int together = kFirstBlocks; first < end; first += together * kScanBlock, together *= 2) {
+    together = std::min({together, CodeScan::kMaxBlocks,
+                         static_cast<int>((end - first + kScanBlock - 1) / kScanBlock)});
     // base + |r|^2 - 2 q'r < second^2, with |r|^2 rounded down.
     const std::int32_t least = ((base - nearest_.second_distance2) >> 1) + 1;
-    scan_(table_.data(), &codes_[std::size_t(first) * details_.parts], &half_norm2_[first],
-          details_.parts, blocks,
-          static_cast<std::int16_t>(std::clamp(least, -kLargest16 - 1, kLargest16)), sums_.data(),
-          found.data());
-    for (int b = 0; b < blocks; ++b) {
-      for (std::uint32_t bits = found[b]; bits != 0; bits &= bits - 1) {
-        const std::uint32_t i = b * kScanBlock + std::countr_zero(bits);
-        if (first + i < begin || first + i >= end) continue;
-        Take(first + i, base + norm2_[first + i] - 2 * sums_[i], hidden);
+    scan_->Scan(&codes_[std::size_t(first) * details_.parts], &norm2_[first], together, least,
+                found.data());
+    for (int b = 0; b < together; ++b) {
+      for (std::uint64_t bits = found[b]; bits != 0; bits &= bits - 1) {
+        const int i = b * kScanBlock + std::countr_zero(bits);
+        const std::uint32_t d = first + i;
+        if (d < begin || d >= end) continue;
+        if (base + norm2_[d] - 2 * scan_->AtMost(i) >= nearest_.second_distance2) continue;
+        Compare(table_.data(), base, d, hidden);
       }
     }
   }
@@ -288,7 +292,7 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
   for (std::size_t i = 0; i < keypoints.size(); ++i) {
     const std::int8_t* const descriptor = turned_.data() + i * dim_;
     const std::int32_t norm2 = Dot(descriptor, descriptor, dim_);
-    const bool narrow = scan_ != nullptr && FitsTable(norm2);
+    const bool narrow = scan_ && FitsTable(norm2);
     FillTable(descriptor, narrow);
     nearest_ = {kFar2, kFar2, -1};
     const std::size_t dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;

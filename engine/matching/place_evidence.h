@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
 #include "engine/matching/code_scan.h"
+#include "engine/matching/dot_tile.h"
 #include "models/model_view.h"
 
 namespace viewfix {
@@ -27,7 +29,8 @@ class Turner {
   int dim_;
   int turned_dim_;
   CpuPath path_;
-  std::vector<std::int16_t> rows_;  // the rotation's, in blocks of matching/dot_tile.h
+  DotTile tile_;
+  std::vector<std::uint8_t> rows_;  // the rotation's, in the tile's blocks
 };
 
 // What a frame's features say for each location, by the details that the model keeps of it. A
@@ -82,19 +85,27 @@ class PlaceEvidence {
     int location = -1;
   };
 
+  struct LongDetail {
+    std::uint32_t detail;
+    std::int32_t norm2;
+  };
+
+  std::int32_t Norm2(std::uint32_t detail) const;
   std::size_t CodeAt(std::uint32_t detail, int part) const;
+  std::size_t CodeStride() const { return scan_ ? kScanBlock : 1; }  // from part to part
   void ListDetails();
   void SumNorms();
   bool FitsTable(std::int32_t query_norm2) const;
   void FillTable(const std::int8_t* descriptor, bool narrow);
   void Take(std::uint32_t detail, std::int32_t distance2, int hidden);
+  template <typename T>
+  void Compare(const T* table, std::int32_t base, std::uint32_t detail, int hidden);
   void CompareEach(std::int32_t base, const std::uint32_t* list, int hidden);
   void CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden);
   int Vote();
 
   CpuPath path_;
-  ScanCodes scan_;   // null: details are compared one by one
-  int block_shift_;  // codes lie in blocks of 2^block_shift_ details, part after part
+  std::optional<CodeScan> scan_;  // none: details are compared one by one
   ModelDetails details_;
   Turner turner_;
   int dim_;                             // of what turner_ gives
@@ -105,12 +116,11 @@ class PlaceEvidence {
   std::vector<std::uint32_t> list_begin_;  // [2 words + 1] into the details, by list
   std::vector<std::uint16_t> location_;    // [details]
   std::vector<std::uint8_t> codes_;        // [details, parts], as CodeAt() says
-  std::vector<std::int32_t> norm2_;        // [details]
-  std::vector<std::int16_t> half_norm2_;   // [details] for scan_
+  std::vector<std::uint16_t> norm2_;       // [details] squared length, cut to 16 bits
+  std::vector<LongDetail> long_;           // those whose is cut, ascending
   std::vector<std::int8_t> turned_;        // [features, dim]
   std::vector<std::int32_t> wide_table_;   // [parts, kCodesOfPart] q'c of the feature at hand
   std::vector<std::int16_t> table_;        // the same, where it fits
-  std::vector<std::int16_t> sums_;         // [kBlocksTogether, kScanBlock] for scan_
   Nearest nearest_;                        // of the feature at hand
   std::vector<float> evidence_;            // [locations + 1]
   std::vector<int> votes_;                 // [locations + 1]

@@ -90,7 +90,7 @@ void AddWords(const std::uint8_t* const* rows, const float* values, int columns,
               float* low, float* high) {
   int done = 0;
 #if defined(__x86_64__)
-  if (path == CpuPath::kAvx512) {
+  if (path >= CpuPath::kAvx512) {
     done = columns / 16 * 16;
     AddWordsAvx512(rows, values, done, low, high);
   }

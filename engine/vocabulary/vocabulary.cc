@@ -7,8 +7,7 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
-
-#include "engine/matching/dot_tile.h"
+#include <numeric>
 
 namespace viewfix {
 namespace {
@@ -44,41 +43,41 @@ struct Ranking {
 
 // The last block is filled with words that lie too far from everything to be found.
 Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path)
-    : dim_(dim), size_(static_cast<int>(words.size()) / dim), path_(path) {
+    : dim_(dim), size_(static_cast<int>(words.size()) / dim), tile_(dim, path) {
   const int blocks = (size_ + kTileRows - 1) / kTileRows;
-  words_.resize(std::size_t(blocks) * kTileRows * TileDim(dim));
+  words_.resize(blocks * tile_.block_bytes());
   norm2_.resize(std::size_t(blocks) * kTileRows, std::numeric_limits<std::int32_t>::max());
-  for (int w = 0; w < size_; ++w) {
-    const auto word = words.subspan(std::size_t(w) * dim, dim);
-    PackRow(word, w % kTileRows, &words_[std::size_t(w / kTileRows) * kTileRows * TileDim(dim)]);
-    norm2_[w] = 0;
-    for (const std::int32_t value : word) norm2_[w] += value * value;
+  static constexpr std::array<std::int8_t, kMaxDescriptorDim> kZeros{};
+  for (int w = 0; w < blocks * kTileRows; ++w) {
+    const auto word =
+        w < size_ ? words.subspan(std::size_t(w) * dim, dim) : std::span(kZeros).first(dim);
+    tile_.PackRow(word, w % kTileRows, &words_[w / kTileRows * tile_.block_bytes()]);
+    if (w < size_) norm2_[w] = std::inner_product(word.begin(), word.end(), word.begin(), 0);
   }
 }
 
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
-  std::array<std::int16_t, kTileQueries * kMaxDescriptorDim> queries{};
+  std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
   std::array<std::int32_t, kTileQueries * kTileRows> similarity;
   std::array<std::uint32_t, kTileQueries> nearer;
   std::array<std::int32_t, kTileQueries> worst;  // of what the rankings hold
   std::array<Ranking, kTileQueries> rankings;
-  assert(dim_ <= kMaxDescriptorDim && words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
-  const LikenessTile likeness_tile = LikenessTileFor(path_);
-  const int tile_dim = TileDim(dim_);
+  assert(words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
   const int size = static_cast<int>(descriptors.size()) / dim_;
   auto out = words_out.begin();
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
     for (int i = 0; i < n; ++i) {
-      PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), &queries[i * tile_dim]);
+      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_),
+                      &queries[i * tile_.query_bytes()]);
       rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
     }
     worst.fill(std::numeric_limits<std::int32_t>::max());
     std::fill_n(worst.begin(), n, std::numeric_limits<std::int32_t>::min());
     for (int word = 0; word < static_cast<int>(norm2_.size()); word += kTileRows) {
-      likeness_tile(queries.data(), words_.data() + std::size_t(word) * tile_dim, tile_dim,
-                    norm2_.data() + word, worst.data(), similarity.data(), nearer.data());
+      tile_.Likeness(queries.data(), &words_[word / kTileRows * tile_.block_bytes()],
+                     norm2_.data() + word, worst.data(), similarity.data(), nearer.data());
       for (int i = 0; i < n; ++i) {
         if (nearer[i] == 0) continue;
         worst[i] = rankings[i].Take(words_per_descriptor, nearer[i],

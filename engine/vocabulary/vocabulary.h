@@ -7,6 +7,7 @@
 
 #include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
+#include "engine/matching/dot_tile.h"
 #include "models/model_view.h"
 
 namespace viewfix {
@@ -31,8 +32,8 @@ class Vocabulary {
  private:
   int dim_;
   int size_;
-  CpuPath path_;
-  std::vector<std::int16_t> words_;  // blocks of matching/dot_tile.h, one after another
+  DotTile tile_;
+  std::vector<std::uint8_t> words_;  // the tile's blocks, one after another
   std::vector<std::int32_t> norm2_;  // [blocks * kTileRows] |c|^2
 };
 

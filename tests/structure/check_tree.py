@@ -46,10 +46,12 @@ class Part:
 
 # The first part whose pattern matches a file's path is the file's part.
 RULES = (
+    Part('what the processor can do', r'engine/base/cpu_path', own=r'engine/base/',
+         external=r'sys/auxv\.h$', banned=IO_HEADERS),
     Part('engine/base', r'engine/base/', own=r'engine/base/', external=r'Eigen/|std\w+\.h$',
          banned=IO_HEADERS),
     Part('engine', r'engine/', own=r'engine/|models/model_view\.h$',
-         external=r'Eigen/|immintrin\.h$|ceres/tiny_solver\.h$|std\w+\.h$',
+         external=r'Eigen/|immintrin\.h$|arm_neon\.h$|ceres/tiny_solver\.h$|std\w+\.h$',
          banned=IO_HEADERS),
     Part('model writer', r'models/model_writer', own=r'engine/|models/',
          banned=r'opencv2/|ceres/'),

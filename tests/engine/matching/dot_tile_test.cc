@@ -17,18 +17,35 @@ std::vector<std::int8_t> RandomBytes(int count, std::uint64_t seed) {
   return bytes;
 }
 
-void ExpectExactProducts(const std::vector<std::int8_t>& queries,
-                         const std::vector<std::int8_t>& rows, int dim) {
-  std::vector<std::int16_t> tile(kTileQueries * TileDim(dim), 99);
-  std::vector<std::int16_t> block(kTileRows * TileDim(dim), 99);
+// Queries and rows of one tile, packed.
+struct Packed {
+  std::vector<std::uint8_t> queries;
+  std::vector<std::uint8_t> block;
+};
+
+// Over what was there before.
+Packed Pack(const DotTile& tile, const std::vector<std::int8_t>& queries,
+            const std::vector<std::int8_t>& rows, int dim) {
+  Packed packed = {std::vector<std::uint8_t>(kTileQueries * tile.query_bytes(), 99),
+                   std::vector<std::uint8_t>(tile.block_bytes(), 99)};
   const auto part = [dim](const std::vector<std::int8_t>& all, int i) {
     return std::span(all).subspan(i * dim, dim);
   };
-  for (int q = 0; q < kTileQueries; ++q) PackQuery(part(queries, q), &tile[q * TileDim(dim)]);
-  for (int r = 0; r < kTileRows; ++r) PackRow(part(rows, r), r, block.data());
+  for (int q = 0; q < kTileQueries; ++q) {
+    tile.PackQuery(part(queries, q), &packed.queries[q * tile.query_bytes()]);
+  }
+  for (int r = 0; r < kTileRows; ++r) tile.PackRow(part(rows, r), r, packed.block.data());
+  return packed;
+}
+
+void ExpectExactProducts(const std::vector<std::int8_t>& queries,
+                         const std::vector<std::int8_t>& rows, int dim) {
   for (const CpuPath path : CpuPathsHere()) {
+    const DotTile tile(dim, path);
+    const Packed packed = Pack(tile, queries, rows, dim);
+    ASSERT_LE(packed.queries.size(), DotTile::kMaxTileBytes);
     std::vector<std::int32_t> products(kTileQueries * kTileRows);
-    DotTileFor(path)(tile.data(), block.data(), TileDim(dim), products.data());
+    tile.Products(packed.queries.data(), packed.block.data(), products.data());
     for (int q = 0; q < kTileQueries; ++q) {
       for (int r = 0; r < kTileRows; ++r) {
         int expected = 0;
@@ -53,30 +70,24 @@ TEST(DotTile, HoldsTheLargestSums) {
   ExpectExactProducts(queries, rows, dim);
 }
 
-TEST(LikenessTile, ComparesWithEachQuerysLimit) {
+TEST(DotTile, ComparesLikenessWithEachQuerysLimit) {
   constexpr int kDim = 9;
   const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
   const std::vector<std::int8_t> rows = RandomBytes(kTileRows * kDim, 4);
-  std::vector<std::int16_t> tile(kTileQueries * TileDim(kDim));
-  std::vector<std::int16_t> block(kTileRows * TileDim(kDim));
-  for (int q = 0; q < kTileQueries; ++q) {
-    PackQuery(std::span(queries).subspan(q * kDim, kDim), &tile[q * TileDim(kDim)]);
-  }
   std::vector<std::int32_t> norm2(kTileRows);
-  for (int r = 0; r < kTileRows; ++r) {
-    PackRow(std::span(rows).subspan(r * kDim, kDim), r, block.data());
-    norm2[r] = 1000 * r;
-  }
+  for (int r = 0; r < kTileRows; ++r) norm2[r] = 1000 * r;
   for (const CpuPath path : CpuPathsHere()) {
+    const DotTile tile(kDim, path);
+    const Packed packed = Pack(tile, queries, rows, kDim);
     std::vector<std::int32_t> products(kTileQueries * kTileRows), likeness(products.size());
-    DotTileFor(path)(tile.data(), block.data(), TileDim(kDim), products.data());
+    tile.Products(packed.queries.data(), packed.block.data(), products.data());
     std::vector<std::int32_t> limits(kTileQueries);
     for (int q = 0; q < kTileQueries; ++q) {  // what one of the rows reaches, and none
       limits[q] = q == 0 ? 1 << 30 : 2 * products[q * kTileRows + q] - norm2[q];
     }
     std::vector<std::uint32_t> above(kTileQueries);
-    LikenessTileFor(path)(tile.data(), block.data(), TileDim(kDim), norm2.data(), limits.data(),
-                          likeness.data(), above.data());
+    tile.Likeness(packed.queries.data(), packed.block.data(), norm2.data(), limits.data(),
+                  likeness.data(), above.data());
     for (int q = 0; q < kTileQueries; ++q) {
       for (int r = 0; r < kTileRows; ++r) {
         const int expected = 2 * products[q * kTileRows + r] - norm2[r];

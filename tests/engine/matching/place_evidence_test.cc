@@ -118,13 +118,14 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
 }
 
 // Lists longer than what is looked at together, that begin anywhere. Queries lie near the details,
-// whose products with the codes are as large as `code_limit` makes them.
+// whose lengths and products with the codes are as large as the limits of words and codes make
+// them.
 class LongLists {
  public:
   static constexpr int kDim = 64, kParts = 8, kWords = 2, kLocations = 5, kQueries = 200;
 
-  explicit LongLists(int code_limit) {
-    words_ = Bytes(kWords * kDim, 8);
+  LongLists(int word_limit, int code_limit) {
+    words_ = Bytes(kWords * kDim, word_limit);
     codebook_ = Bytes(kCodesOfPart * kDim, code_limit);
     for (int l = 0; l < (kLocations + 1) * 2 * kWords; ++l) {
       list_size_.push_back(static_cast<std::uint8_t>(150 + random_() % 100));
@@ -151,7 +152,8 @@ class LongLists {
       }
       return longer;
     };
-    return Evidence(followed(words_, 90), followed(queries_, -90), followed(rotation_, 0), -1, path);
+    return Evidence(followed(words_, 90), followed(queries_, -90), followed(rotation_, 0), -1,
+                    path);
   }
 
  private:
@@ -180,14 +182,22 @@ class LongLists {
     return bytes;
   }
 
+  int WordOf(int detail) const {
+    int list = 0;
+    for (; detail >= list_size_[list]; ++list) detail -= list_size_[list];
+    return list / 2 % kWords;
+  }
+
   void AddQuery(int detail) {
     constexpr int kPiece = kDim / kParts;
+    const std::int8_t* const word = &words_[WordOf(detail) * kDim];
     const std::vector<std::int8_t> noise = Bytes(kDim, 4);
     for (int i = 0; i < kDim; ++i) {
       const int code = codes_[std::size_t(detail) * kParts + i / kPiece];
       const int of_code =
           codebook_[(std::size_t(i / kPiece) * kCodesOfPart + code) * kPiece + i % kPiece];
-      queries_.push_back(static_cast<std::int8_t>(of_code + noise[i]));
+      queries_.push_back(
+          static_cast<std::int8_t>(std::clamp(word[i] + of_code + noise[i], -127, 127)));
     }
   }
 
@@ -198,8 +208,10 @@ class LongLists {
 };
 
 TEST(PlaceEvidence, IsTheSameOnEveryPath) {
-  for (const int code_limit : {12, 120}) {
-    const LongLists site(code_limit);
+  // Usual lengths; products too large to be scanned; squared lengths above 16 bits.
+  for (const auto& [word_limit, code_limit] :
+       {std::pair(8, 12), std::pair(8, 120), std::pair(60, 9)}) {
+    const LongLists site(word_limit, code_limit);
     for (const int hidden : {-1, 2}) {
       const std::vector<float> plain = site.Evidence(CpuPath::kPlain, hidden);
       EXPECT_GT(*std::max_element(plain.begin(), plain.end()), 0);
@@ -212,7 +224,7 @@ TEST(PlaceEvidence, IsTheSameOnEveryPath) {
 
 // Turned descriptors may be shorter: the numbers that no row of the rotation looks at do not count.
 TEST(PlaceEvidence, IsThatOfTheDirectionsKept) {
-  const LongLists site(12);
+  const LongLists site(8, 12);
   const std::vector<float> whole = site.Evidence(BestCpuPath(), -1);
   EXPECT_GT(*std::max_element(whole.begin(), whole.end()), 0);
   for (const CpuPath path : CpuPathsHere()) EXPECT_EQ(site.EvidenceAmongMore(path), whole);
