@@ -59,8 +59,12 @@ static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
 // A location that this share of the best one's evidence speaks for is its rival.
 constexpr float kRivalShare = 0.65F;
 
-// So many agreeing landmarks are as often wrong as right.
+// Of a pose, where the model has no curve of what speaks for right ones: so many agreeing landmarks
+// are as often wrong as right, and it is believed if they say so much and have such a share of what
+// should be seen (FoundPose).
 constexpr float kDoubtfulInliers = 3;
+constexpr float kLeastEvidence = 10;
+constexpr float kLeastEvidenceShare = 0.15F;
 
 float Milliseconds(std::int64_t nanoseconds) { return static_cast<float>(nanoseconds) * 1e-6F; }
 
@@ -176,6 +180,7 @@ struct Localizer::State {
         model_camera(CameraOf(model.camera())),
         pose_finder(std::move(finder)),
         window(std::move(window_adjuster)) {
+    if (pose_finder) FindMapped();
     if (model.has_details()) {
       places.emplace(model.vocabulary().words, model.vocabulary().dim, model.details(),
                      model.scoring().num_locations, features.capacity());
@@ -191,6 +196,7 @@ struct Localizer::State {
 
   std::int64_t Now() const { return options.now_ns == nullptr ? 0 : options.now_ns(); }
 
+  void FindMapped();
   int NearestKeyframe(int pair_idx) const;
   int BestOtherLocation(const Fix& fix) const;
   void Score(Fix& fix);
@@ -236,6 +242,7 @@ struct Localizer::State {
   std::vector<float> place_scores;             // [locations] with details
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
+  std::vector<std::uint8_t> is_mapped;    // [locations] half of the keyframes have landmarks
   std::vector<int> proposed_of_location;  // [locations]
   std::vector<int> proposed_of_pair;      // [pairs]
   std::optional<WindowAdjuster> window;   // where asked for
@@ -249,6 +256,21 @@ struct Localizer::State {
   bool last_has_pose = false;
   int last_place = -1;  // that details spoke for; -1: they were not asked, or spoke for none
 };
+
+void Localizer::State::FindMapped() {
+  const ModelKeyframes& keyframes = model.keyframes();
+  std::vector<int> all(model.scoring().num_locations, 0), mapped = all;
+  for (int k = 0; k < keyframes.size; ++k) {
+    const int location = model.scoring().pair_location[keyframes.pair[k]];
+    ++all[location];
+    if (keyframes.landmark_begin[k] < keyframes.landmark_begin[std::size_t(k) + 1]) {
+      ++mapped[location];
+    }
+  }
+  for (std::size_t l = 0; l < all.size(); ++l) {
+    is_mapped.push_back(mapped[l] > 0 && 2 * mapped[l] >= all[l] ? 1 : 0);
+  }
+}
 
 // Equation (5) and the keyframes' similarities, then the location by the model's rule, its
 // best view, and the nearest keyframe inside that pair (section 2 of the method).
@@ -396,7 +418,11 @@ float Localizer::State::PoseConfidenceOf(const FoundPose& found) const {
 }
 
 bool Localizer::State::Believed(const FoundPose& found) const {
-  if (!found.found || !model.pose_confidence()) return found.found;
+  if (!found.found) return false;
+  if (!model.pose_confidence()) {
+    return found.evidence >= kLeastEvidence &&
+           found.evidence >= kLeastEvidenceShare * found.expected;
+  }
   return PoseConfidenceOf(found) >= model.pose_confidence()->threshold;
 }
 
@@ -438,7 +464,8 @@ void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequen
 }
 
 // Several places agree with the frame about as well: no more is said than the parts of the name
-// that they share, all of it if they are of one location; and neither a view nor a pose.
+// that they share, all of it if they are of one location; and neither a view nor a pose. Nothing,
+// if the best would not be believed if it were alone.
 void Localizer::State::SayWhatRivalsShare(const FoundPose& found, Fix& fix) const {
   const std::string_view name = model.location_name(fix.location_idx);
   fix.level = LevelsOf(name);
@@ -452,6 +479,7 @@ void Localizer::State::SayWhatRivalsShare(const FoundPose& found, Fix& fix) cons
     fix.rivals[fix.num_rivals++] = location;
     fix.level = std::min(fix.level, CommonLevels(name, model.location_name(location)));
   }
+  if (!Believed(found)) fix.level = 0;
   fix.localized = fix.level > 0;
   fix.has_pose = false;
   fix.map_idx = -1;
@@ -474,8 +502,8 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   return true;
 }
 
-// What the landmarks say decides. Where the guess is a place without landmarks, the scores'
-// word stands.
+// What the landmarks say decides. Where there is no pose and the guess is a place of which few
+// photographs are in a map, the scores' word stands.
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
@@ -495,11 +523,8 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
   fix.evidence_spread = found.spread;
+  if (!found.found && is_mapped[fix.location_idx] == 0) return;
   if (found.found) GuessPlace(found, fix);  // not believed, but the best guess there is
-  const auto& begin = model.keyframes().landmark_begin;
-  const bool has_landmarks =
-      fix.keyframe_idx >= 0 && begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
-  if (!has_landmarks) return;
   fix.localized = false;
   fix.level = 0;
   fix.reasons |= kLowInliers;

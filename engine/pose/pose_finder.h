@@ -27,10 +27,11 @@ struct PoseFinderOptions {
   // Matches that must agree on a pose, >= 4.
   int min_inliers = 15;
   // How much they must say, each weighed by its landmark's rarity, > 0.
-  float min_evidence = 10;
+  float min_evidence = 3;
   // And what share of the landmarks that the pose puts into the image, weighed likewise, 0..1: a
-  // door like any other is a small part of what should be seen.
-  float min_evidence_share = 0.15F;
+  // door like any other is a small part of what should be seen. Which of the poses that pass all
+  // this are right, the model's confidence tells.
+  float min_evidence_share = 0.05F;
   // The same of a pose found where one was predicted, 0..1: it has no rivals to be compared with,
   // and if less is found, the whole search costs time only. Nine right poses in ten have
   // 0.6 or more (HoloLens); one with 0.53 was 3 cm off where the whole search was not.

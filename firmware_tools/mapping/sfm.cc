@@ -5,6 +5,8 @@
 #include <set>
 #include <unordered_map>
 
+#include "firmware_tools/mapping/kept_map.h"
+
 namespace viewfix {
 namespace {
 
@@ -230,8 +232,15 @@ SfmResult MapPhotographs(const MapInput& input, std::span<const FramePair> candi
         Among<VerifiedPair>(believed, taken, [](const VerifiedPair& pair) { return pair.frames; });
     ColmapOptions colmap = options.colmap;
     colmap.work_folder /= "map" + std::to_string(m + 1);
-    Reconstruction map = Mapper(its_candidates, its_pairs, options, jobs, stages)
-                             .Map(Restrict(input, taken), colmap);
+    const MapInput its_input = Restrict(input, taken);
+    const auto compute = [&] {
+      return Mapper(its_candidates, its_pairs, options, jobs, stages).Map(its_input, colmap);
+    };
+    Reconstruction map =
+        options.cache == nullptr
+            ? compute()
+            : options.cache->Recall("maps", MapKey(its_input, its_candidates, its_pairs, colmap),
+                                    MapCodec(), compute);
     const bool is_worth_it = static_cast<int>(map.images.size()) >= options.min_frames;
     std::set<std::string> names;
     for (const MapImage& image : map.images) names.insert(image.name);

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "firmware_tools/common/stage_cache.h"
 #include "firmware_tools/mapping/colmap_mapper.h"
 #include "firmware_tools/mapping/look_alikes.h"
 #include "firmware_tools/mapping/missing_tracks.h"
@@ -34,6 +35,7 @@ struct SfmOptions {
   double max_image_error_deg = 5;  // median disagreement of an image with its pairs' rotations
   int min_sure_matches = 50;       // of a pair whose rotation is sure enough to judge by
   int min_image_points = 20;       // seen by an image that is kept
+  StageCache* cache = nullptr;     // keeps each map from run to run; null: nothing is kept
 };
 
 // The verified pairs that neither contradict the others nor show places which only look alike:

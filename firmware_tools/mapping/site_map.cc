@@ -77,6 +77,7 @@ SiteMap Reconstruct(const MapInput& input, const Matched& matched, const SiteMap
   sfm.colmap.work_folder = options.work_folder;
   sfm.colmap.seed = options.seed;
   sfm.colmap.refine_focal = input.focal_is_guess;
+  sfm.cache = options.cache;
   SfmResult result =
       MapPhotographs(input, matched.candidates, matched.pairs, sfm, options.jobs, stages);
   site.maps = std::move(result.maps);

@@ -88,8 +88,9 @@ class Trial {
       if (hidden[s] && turn_[s] == 0) asked.push_back(s);
     }
     if (asked.empty() || asked.size() == hidden.size()) return {};
-    const PartialModel partial = source_.without(hidden);
+    PartialModel partial = source_.without(hidden);
     if (partial.model.landmark_position.empty()) return {};
+    partial.model.pose_confidence = ModelPoseConfidence();  // whose threshold every pose reaches
     const auto bytes = WriteModel(partial.model);
     if (!bytes.ok()) throw ToolError(std::string("held-out model: ") + bytes.status().text());
     return Ask(*bytes, partial.map_idx, asked, part >= 0, progress);

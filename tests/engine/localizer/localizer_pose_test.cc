@@ -46,6 +46,22 @@ class LocalizerPoseTest : public ::testing::Test {
     EXPECT_GT(fix->covariance.diagonal().minCoeff(), 0);
   }
 
+  // All but one, where so said.
+  void AllKeyframesSeeAll(int but = -1) {
+    ModelData& data = site_.data;
+    data.keyframe_landmark_begin = {0};
+    data.keyframe_landmarks.clear();
+    for (std::size_t k = 0; k < data.keyframe_pair.size(); ++k) {
+      data.keyframe_has_pose[k] = 1;
+      data.keyframe_pose[k] = {0, 0, 0, 0, 0, 0, 1};
+      for (std::uint32_t l = 0; l < data.landmark_position.size(); ++l) {
+        if (static_cast<int>(k) != but) data.keyframe_landmarks.push_back(l);
+      }
+      data.keyframe_landmark_begin.push_back(
+          static_cast<std::uint32_t>(data.keyframe_landmarks.size()));
+    }
+  }
+
   LandmarkSite site_ = MakeLandmarkSite();
   std::vector<std::uint8_t> file_;
   ModelView model_;
@@ -168,18 +184,7 @@ TEST_F(LocalizerPoseTest, AWrongPredictionFallsBackToTheWholeSearch) {
 // The scores name a place whose landmarks are not in the frame: no answer.
 TEST_F(LocalizerPoseTest, WithoutAgreeingLandmarksItDoesNotKnow) {
   for (auto& d : site_.data.landmark_descriptors) d = static_cast<std::int8_t>(-d);
-  ModelData& data = site_.data;
-  data.keyframe_landmark_begin = {0};
-  data.keyframe_landmarks.clear();
-  for (std::size_t k = 0; k < data.keyframe_pair.size(); ++k) {
-    data.keyframe_has_pose[k] = 1;
-    data.keyframe_pose[k] = {0, 0, 0, 0, 0, 0, 1};
-    for (std::uint32_t l = 0; l < data.landmark_position.size(); ++l) {
-      data.keyframe_landmarks.push_back(l);
-    }
-    data.keyframe_landmark_begin.push_back(
-        static_cast<std::uint32_t>(data.keyframe_landmarks.size()));
-  }
+  AllKeyframesSeeAll();
   Localizer localizer = Make();
   const auto fix = localizer.Localize(image());
   ASSERT_TRUE(fix.ok());
@@ -206,6 +211,48 @@ TEST_F(LocalizerPoseTest, APlaceWithoutLandmarksIsStillNamed) {
   EXPECT_TRUE(fix->localized);
   EXPECT_FALSE(fix->has_pose);
   EXPECT_EQ(fix->location_idx, 1);
+}
+
+// But where half of its keyframes see some, a frame that agrees with none is not of that place: not
+// even if the keyframe most like it happens to see none.
+TEST_F(LocalizerPoseTest, AMappedPlaceIsNotNamedByScoresAlone) {
+  for (auto& d : site_.data.landmark_descriptors) d = static_cast<std::int8_t>(-d);
+  site_.data.bias = {0, 0, 100, 0};
+  AllKeyframesSeeAll();
+  Localizer whole = Make();
+  const int nearest = whole.Localize(image())->keyframe_idx;
+  AllKeyframesSeeAll(nearest);
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_EQ(fix->keyframe_idx, nearest);
+  EXPECT_EQ(fix->location_idx, 1);
+  EXPECT_FALSE(fix->localized);
+  EXPECT_TRUE(fix->reasons & kLowInliers);
+}
+
+// A pose that little speaks for is believed if the model's curve says that such ones are right.
+TEST_F(LocalizerPoseTest, OfPosesThatLittleSpeaksForTheCurveDecides) {
+  Localizer usual = Make();
+  const Fix clear = *usual.Localize(image());
+  ASSERT_GT(clear.num_inliers, 80);
+  const double rarity = 5.0 / clear.num_inliers;  // of each: five in all
+  site_.data.landmark_rarity.assign(site_.data.landmark_rarity.size(),
+                                    static_cast<std::uint8_t>(255 * rarity));
+  Localizer without = Make();
+  const auto doubted = without.Localize(image());
+  ASSERT_TRUE(doubted.ok());
+  EXPECT_FALSE(doubted->localized);
+  EXPECT_FALSE(doubted->has_pose);
+  EXPECT_EQ(doubted->reasons, kLowInliers);
+  EXPECT_GT(doubted->evidence, 3);
+  EXPECT_LT(doubted->evidence, 10);
+  site_.data.pose_confidence = ModelPoseConfidence{2, {}, 0.5F};
+  Localizer trusting = Make();
+  ExpectPose(trusting.Localize(image()), 0.005, 0.002);
+  site_.data.pose_confidence = ModelPoseConfidence{-2, {}, 0.5F};
+  Localizer doubting = Make();
+  EXPECT_FALSE(doubting.Localize(image())->localized);
 }
 
 // What the scores name and what the landmarks say differ: the landmarks decide, and the rivals
@@ -277,6 +324,19 @@ TEST_F(LookAlikesTest, OfOneFloorSayTheFloor) {
   EXPECT_GT(fix->confidence, 0.9F) << "of the floor";
   ASSERT_EQ(fix->num_rivals, 1);
   EXPECT_EQ(fix->rivals[0], 1 - fix->location_idx);
+}
+
+// Nor the floor, of poses that would not be believed if each were alone.
+TEST_F(LookAlikesTest, ThatAreNotBelievedSayNothing) {
+  site_.data.pose_confidence = ModelPoseConfidence{-2, {}, 0.5F};
+  Localizer localizer = Make();
+  const auto fix = localizer.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_FALSE(fix->localized);
+  EXPECT_EQ(fix->level, 0);
+  EXPECT_EQ(fix->reasons, kAmbiguous);
+  EXPECT_LE(fix->confidence, 0.5F);
+  EXPECT_EQ(fix->num_rivals, 1);
 }
 
 // A corridor whose ends look alike: the corridor it is, but not at which end.

@@ -188,6 +188,8 @@ TEST_F(ColmapMapper, MapsASceneFromScratch) {
   SfmOptions options;
   options.colmap = options_;
   options.min_frames = 3;
+  StageCache first_run(folder_ / "stages");
+  options.cache = &first_run;
   const SfmResult result = MapPhotographs(input_, PairsInOrder(6, 3), pairs_, options, 1);
   ASSERT_EQ(result.maps.size(), 1);
   const Reconstruction& map = result.maps[0];
@@ -203,6 +205,18 @@ TEST_F(ColmapMapper, MapsASceneFromScratch) {
     EXPECT_NEAR(distance(map.images[0].cam_from_world, map.images[i].cam_from_world),
                 scale * distance(scene_.cam_from_world[0], scene_.cam_from_world[i]), 0.02 * scale);
   }
+  // A second run takes what the first kept, and needs no COLMAP.
+  StageCache second_run(folder_ / "stages");
+  options.cache = &second_run;
+  fs::remove_all(options_.work_folder);
+  const SfmResult again = MapPhotographs(input_, PairsInOrder(6, 3), pairs_, options, 1);
+  EXPECT_EQ(second_run.Report(), std::vector<std::string>{"maps: 1 of 1 kept"});
+  ASSERT_EQ(again.maps.size(), 1);
+  ASSERT_EQ(again.maps[0].images.size(), 6);
+  EXPECT_EQ(again.maps[0].images[5].cam_from_world.translation,
+            map.images[5].cam_from_world.translation);
+  EXPECT_EQ(again.maps[0].points.size(), map.points.size());
+  EXPECT_FALSE(fs::exists(options_.work_folder));
 }
 
 }  // namespace
