@@ -213,6 +213,8 @@ struct Localizer::State {
   bool Believed(const FoundPose& found) const;
   void TakePose(const FoundPose& found, Fix& fix) const;
   void GuessPlace(const FoundPose& found, Fix& fix) const;
+  void ScoreGuess(Fix& fix) const;
+  bool WantsLandmarks(const Fix& fix) const;
   void AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix);
   void SayWhatRivalsShare(const FoundPose& found, Fix& fix) const;
   void LocateByScore(Fix& fix) const;
@@ -242,7 +244,7 @@ struct Localizer::State {
   std::vector<float> place_scores;             // [locations] with details
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
-  std::vector<std::uint8_t> is_mapped;    // [locations] half of the keyframes have landmarks
+  std::vector<std::uint8_t> is_mapped;  // [locations] at least half of the keyframes have landmarks
   std::vector<int> proposed_of_location;  // [locations]
   std::vector<int> proposed_of_pair;      // [pairs]
   std::optional<WindowAdjuster> window;   // where asked for
@@ -448,6 +450,12 @@ void Localizer::State::GuessPlace(const FoundPose& found, Fix& fix) const {
   fix.location_idx = model.scoring().pair_location[fix.pair_idx];
 }
 
+// What the scores say of the place that the landmarks name.
+void Localizer::State::ScoreGuess(Fix& fix) const {
+  fix.score = pair_scores[fix.pair_idx];
+  FindRivals(fix);
+}
+
 // The pose as the frames before it see it too. How a camera moves is known in metres only.
 void Localizer::State::AdjustWindow(const FoundPose& found, std::uint64_t sequence, Fix& fix) {
   if (!window || !model.metric(found.map_idx)) return;
@@ -502,16 +510,25 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
   return true;
 }
 
-// What the landmarks say decides. Where there is no pose and the guess is a place of which few
-// photographs are in a map, the scores' word stands.
+// Whether a frame of the place that the scores name should agree with landmarks: those of the
+// nearest keyframe, or of most others.
+bool Localizer::State::WantsLandmarks(const Fix& fix) const {
+  if (is_mapped[fix.location_idx] != 0) return true;
+  const auto& begin = model.keyframes().landmark_begin;
+  return fix.keyframe_idx >= 0 &&
+         begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
+}
+
+// A pose that is believed decides. Without one, the scores' word stands where they name a place of
+// which few photographs are in a map.
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
-  if (found.found && (doubtful || Believed(found))) {
+  const bool stands = !Believed(found) && !WantsLandmarks(fix);
+  if (found.found && !stands && (doubtful || Believed(found))) {
     TakePose(found, fix);
     fix.reasons = 0;
-    fix.score = pair_scores[fix.pair_idx];
-    FindRivals(fix);  // of the place that the landmarks name
+    ScoreGuess(fix);
     if (doubtful) {
       SayWhatRivalsShare(found, fix);
     } else {
@@ -523,8 +540,11 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
   fix.evidence_spread = found.spread;
-  if (!found.found && is_mapped[fix.location_idx] == 0) return;
-  if (found.found) GuessPlace(found, fix);  // not believed, but the best guess there is
+  if (stands) return;
+  if (found.found) {  // not believed, but the best guess there is
+    GuessPlace(found, fix);
+    ScoreGuess(fix);
+  }
   fix.localized = false;
   fix.level = 0;
   fix.reasons |= kLowInliers;

@@ -4,7 +4,7 @@
 #include <array>
 #include <cstddef>
 
-#if defined(__aarch64__) && defined(__linux__)
+#ifdef VIEWFIX_NEON_DOT
 #include <sys/auxv.h>
 #endif
 
@@ -26,7 +26,7 @@ std::size_t CountPaths() {
 constexpr std::array kAllPaths = {CpuPath::kPlain, CpuPath::kNeonDot};
 
 std::size_t CountPaths() {
-#if defined(__aarch64__) && defined(__linux__)
+#ifdef VIEWFIX_NEON_DOT
   constexpr unsigned long kDotProducts = 1UL << 20;  // HWCAP_ASIMDDP
   return (getauxval(AT_HWCAP) & kDotProducts) != 0 ? 2 : 1;
 #else

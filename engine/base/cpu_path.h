@@ -14,7 +14,7 @@ enum class CpuPath {
   kPlain,
   kAvx2,
   kAvx512,
-  kAvx512Vnni,  // and dot products of bytes, and tables of bytes (VBMI): Ice Lake, Zen 4 and later
+  kAvx512Vnni,  // and both dot products and tables of bytes (VNNI, VBMI): Ice Lake, Zen 4 and later
   kNeonDot,     // dot products of bytes: Cortex-A55, A75 and later
 };
 
@@ -22,6 +22,11 @@ enum class CpuPath {
 CpuPath BestCpuPath();
 // All paths of this processor, plain first: tests compare them.
 std::span<const CpuPath> CpuPathsHere();
+
+// Clang 14 has no target of single functions for it.
+#if defined(__aarch64__) && defined(__linux__) && !defined(__clang__)
+#define VIEWFIX_NEON_DOT 1
+#endif
 
 // Kernel::Run is to be compiled into each path: VIEWFIX_KERNEL void Run(...).
 #define VIEWFIX_KERNEL [[gnu::always_inline]] static inline

@@ -23,6 +23,7 @@ class CodeScan {
  public:
   // Whether a path has such a lookup; on others nothing here is to be called.
   static bool Has(CpuPath path) { return path >= CpuPath::kAvx512 && path != CpuPath::kNeonDot; }
+  // parts in 1..128: sums of bytes fit into 16 bits
   CodeScan(int parts, CpuPath path);
 
   // The largest magnitude of what codes add, and of its sums over parts.
@@ -44,9 +45,9 @@ class CodeScan {
 
  private:
   int parts_;
-  CpuPath path_;
+  [[maybe_unused]] CpuPath path_;  // where there is a lookup at all
   bool bytes_;  // tables are looked up as bytes, rounded up
-  const std::int16_t* table_ = nullptr;
+  [[maybe_unused]] const std::int16_t* table_ = nullptr;
   std::vector<std::uint8_t> byte_table_;  // [parts, kCodesOfPart] (table + largest) / 2^shift
   std::uint16_t largest_ = 0;             // magnitude in the table
   int shift_ = 0;

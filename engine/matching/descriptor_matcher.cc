@@ -92,7 +92,7 @@ DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int di
       max_queries_(max_queries),
       max_candidates_(max_candidates),
       path_(path),
-      tile_(dim, path),
+      tile_(std::clamp(dim, 1, kMaxDescriptorDim), path),  // Check() refuses others
       queries_(max_queries, kBlock * tile_.query_bytes()),
       candidates_(max_candidates, tile_.block_bytes()),
       nearest_(RowCapacity(max_queries)),

@@ -7,7 +7,7 @@
 
 #if defined(__x86_64__)
 #include <immintrin.h>
-#elif defined(__aarch64__)
+#elif defined(VIEWFIX_NEON_DOT)
 #include <arm_neon.h>
 #endif
 
@@ -199,7 +199,7 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
   }
 }
 
-#if defined(__aarch64__)
+#ifdef VIEWFIX_NEON_DOT
 
 // The dot product instructions of ARMv8.2 (Cortex-A55, A75 and later): four signed bytes by four.
 [[gnu::target("arch=armv8.2-a+dotprod")]] void ProductsNeonDot(const std::uint8_t* queries,
@@ -279,7 +279,7 @@ DotTile::Kernels DotTile::KernelsFor(CpuPath path) {
 }
 #else
 DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
-#if defined(__aarch64__)
+#ifdef VIEWFIX_NEON_DOT
   if (path == CpuPath::kNeonDot) {
     return {ProductsNeonDot, LikenessOn<ProductsNeonDot, CpuPath::kPlain>};
   }

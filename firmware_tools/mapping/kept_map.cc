@@ -4,8 +4,8 @@
 namespace viewfix {
 namespace {
 
-// Rises whenever the same photographs and options would give another map, or the file below
-// changes.
+// Rises whenever the same photographs would give another map, be it by another default of
+// SfmOptions, or the file below changes.
 constexpr int kKeptVersion = 1;
 
 void AddCamera(const Camera& camera, ContentHash& hash) {
@@ -16,10 +16,13 @@ void AddCamera(const Camera& camera, ContentHash& hash) {
   hash.AddAll(std::span<const double>(camera.distortion));
 }
 
-void AddFrame(const MapFrame& frame, ContentHash& hash) {
+//   position  in its walk: frames that are far apart make loops
+void AddFrame(const MapFrame& frame, int position, ContentHash& hash) {
   hash.AddText(frame.name);
   hash.AddText(frame.capture);
   hash.Add(frame.time);
+  hash.Add(position);
+  hash.Add(frame.camera_idx);
   hash.Add(frame.readout);
   for (const Keypoint& k : frame.features->keypoints) {
     for (const float v : {k.x, k.y, k.sigma, k.cos_angle, k.sin_angle, k.response}) hash.Add(v);
@@ -142,9 +145,14 @@ Hash256 MapKey(const MapInput& input, std::span<const FramePair> candidates,
   key.AddText(options.program);
   key.Add(options.seed);
   key.Add(options.refine_focal);
-  for (const MapFrame& frame : input.frames) {
+  key.Add(options.max_trials);
+  key.Add(options.min_registered);
+  key.Add(options.max_open);
+  const CaptureOrder order(input);
+  for (int f = 0; f < static_cast<int>(input.frames.size()); ++f) {
+    const MapFrame& frame = input.frames[f];
     if (frame.features->keypoints.empty()) continue;
-    AddFrame(frame, key);
+    AddFrame(frame, order.Position(f), key);
     AddCamera(input.cameras[frame.camera_idx], key);
   }
   const FrameNumbers numbers(input);
@@ -159,6 +167,7 @@ Hash256 MapKey(const MapInput& input, std::span<const FramePair> candidates,
     for (const FeatureMatch& match : pair.matches) {
       key.Add(match.first_idx);
       key.Add(match.second_idx);
+      key.Add(match.distance2);
     }
   }
   return key.Result();

@@ -14,7 +14,8 @@ namespace viewfix {
 // Maps that structure from motion made of photographs, kept from run to run: one of a room to which
 // no photograph was added needs not be made again.
 
-// Of all that decides a map of the frames that have features. Their poses are not used.
+// Of all that decides a map of the frames that have features, but for SfmOptions' defaults. Their
+// poses are not used.
 //   candidates, pairs  of those frames, as MapPhotographs() takes them
 Hash256 MapKey(const MapInput& input, std::span<const FramePair> candidates,
                std::span<const VerifiedPair> pairs, const ColmapOptions& options);

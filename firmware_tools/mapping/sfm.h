@@ -35,7 +35,9 @@ struct SfmOptions {
   double max_image_error_deg = 5;  // median disagreement of an image with its pairs' rotations
   int min_sure_matches = 50;       // of a pair whose rotation is sure enough to judge by
   int min_image_points = 20;       // seen by an image that is kept
-  StageCache* cache = nullptr;     // keeps each map from run to run; null: nothing is kept
+  // Keeps each map from run to run; null: nothing is kept. For the defaults of all but `colmap`:
+  // kept maps do not know of others.
+  StageCache* cache = nullptr;
 };
 
 // The verified pairs that neither contradict the others nor show places which only look alike:

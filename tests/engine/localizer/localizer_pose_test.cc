@@ -255,6 +255,27 @@ TEST_F(LocalizerPoseTest, OfPosesThatLittleSpeaksForTheCurveDecides) {
   EXPECT_FALSE(doubting.Localize(image())->localized);
 }
 
+// A pose elsewhere that is not believed has no say where the scores name a place without landmarks.
+TEST_F(LocalizerPoseTest, APoseThatIsNotBelievedLeavesAnUnmappedPlaceToTheScores) {
+  site_.data.bias = {0, 0, 100, 0};
+  ModelData& data = site_.data;
+  const std::uint32_t end = data.keyframe_landmark_begin[4];
+  data.keyframe_landmarks.resize(end);
+  for (std::size_t k = 5; k < data.keyframe_landmark_begin.size(); ++k) {
+    data.keyframe_landmark_begin[k] = end;
+  }
+  data.pose_confidence = ModelPoseConfidence{2, {}, 0.5F};
+  Localizer trusting = Make();
+  EXPECT_EQ(trusting.Localize(image())->location_idx, 0) << "else this shows nothing";
+  data.pose_confidence = ModelPoseConfidence{-2, {}, 0.5F};
+  Localizer doubting = Make();
+  const auto fix = doubting.Localize(image());
+  ASSERT_TRUE(fix.ok());
+  EXPECT_TRUE(fix->localized);
+  EXPECT_FALSE(fix->has_pose);
+  EXPECT_EQ(fix->location_idx, 1);
+}
+
 // What the scores name and what the landmarks say differ: the landmarks decide, and the rivals
 // are other places than the one they name.
 TEST_F(LocalizerPoseTest, LandmarksOverruleTheScores) {

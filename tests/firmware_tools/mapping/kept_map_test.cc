@@ -93,15 +93,23 @@ TEST_F(KeptMapTest, WhateverDecidesAMapIsInItsKey) {
   const std::vector<std::function<void()>> changes = {
       [&] { input_.frames[4].name = "another.jpg"; },
       [&] { input_.frames[4].capture = "another walk"; },
+      [&] { input_.frames[4].time += 1; },
+      [&] { input_.frames[4].readout += 1; },
       [&] { input_.cameras[0].fx += 1; },
+      [&] { input_.cameras[0].distortion[1] += 1; },
       [&] { scene_.features[2]->keypoints[5].x += 1; },
       [&] { scene_.features[2]->descriptors[5] ^= 1; },
       [&] { candidates_.pop_back(); },
       [&] { pairs_[0].matches.pop_back(); },
+      [&] { ++pairs_[0].matches[0].second_idx; },
+      [&] { ++pairs_[0].matches[0].distance2; },
+      [&] { pairs_[0].median_angle_deg += 1; },
       [&] { pairs_[0].second_from_first.translation.x() += 1; },
       [&] { pairs_.pop_back(); },
       [&] { options_.seed = 2; },
       [&] { options_.refine_focal = true; },
+      [&] { options_.program = "another"; },
+      [&] { options_.max_trials = 9; },
   };
   Hash256 before = key;
   for (std::size_t c = 0; c < changes.size(); ++c) {
@@ -109,6 +117,22 @@ TEST_F(KeptMapTest, WhateverDecidesAMapIsInItsKey) {
     EXPECT_NE(Key(), before) << c;
     before = Key();
   }
+}
+
+// What loops are depends on how far apart frames stand in their walk, whatever stands between them.
+TEST_F(KeptMapTest, AFrameThatIsAddedToTheWalkIsInItsKey) {
+  const Hash256 key = Key();
+  const ImageFeatures none;
+  MapFrame other = input_.frames[0];
+  other.features = &none;
+  input_.frames.insert(input_.frames.begin() + 2, other);
+  const auto moved = [](FramePair pair) {
+    return FramePair{pair.first_idx + (pair.first_idx >= 2 ? 1 : 0),
+                     pair.second_idx + (pair.second_idx >= 2 ? 1 : 0)};
+  };
+  for (FramePair& pair : candidates_) pair = moved(pair);
+  for (VerifiedPair& pair : pairs_) pair.frames = moved(pair.frames);
+  EXPECT_NE(Key(), key);
 }
 
 // Poses that are known, where the map stands among others, and the folder say nothing.
@@ -120,6 +144,7 @@ TEST_F(KeptMapTest, WhatDoesNotDecideItIsNotInItsKey) {
   const ImageFeatures none;
   MapFrame other = input_.frames[0];
   other.features = &none;
+  other.capture = "another walk";
   input_.frames.insert(input_.frames.begin(), other);
   for (FramePair& pair : candidates_) pair = {pair.first_idx + 1, pair.second_idx + 1};
   for (VerifiedPair& pair : pairs_) {
