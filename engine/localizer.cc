@@ -120,6 +120,10 @@ Result<std::optional<WindowAdjuster>> MakeWindow(const ModelView& model,
   return std::optional<WindowAdjuster>(std::move(*created));
 }
 
+bool HasLandmarks(const ModelKeyframes& keyframes, int k) {
+  return keyframes.landmark_begin[k] < keyframes.landmark_begin[std::size_t(k) + 1];
+}
+
 // What the image itself has against being recognized.
 std::uint32_t ImageReasons(const ImageView& image) {
   const ImageQuality quality = MeasureQuality(image);
@@ -265,9 +269,7 @@ void Localizer::State::FindMapped() {
   for (int k = 0; k < keyframes.size; ++k) {
     const int location = model.scoring().pair_location[keyframes.pair[k]];
     ++all[location];
-    if (keyframes.landmark_begin[k] < keyframes.landmark_begin[std::size_t(k) + 1]) {
-      ++mapped[location];
-    }
+    if (HasLandmarks(keyframes, k)) ++mapped[location];
   }
   for (std::size_t l = 0; l < all.size(); ++l) {
     is_mapped.push_back(mapped[l] > 0 && 2 * mapped[l] >= all[l] ? 1 : 0);
@@ -513,10 +515,8 @@ bool Localizer::State::Track(const Prior& prior, Fix& fix) {
 // Whether a frame of the place that the scores name should agree with landmarks: those of the
 // nearest keyframe, or of most others.
 bool Localizer::State::WantsLandmarks(const Fix& fix) const {
-  if (is_mapped[fix.location_idx] != 0) return true;
-  const auto& begin = model.keyframes().landmark_begin;
-  return fix.keyframe_idx >= 0 &&
-         begin[fix.keyframe_idx] < begin[std::size_t(fix.keyframe_idx) + 1];
+  return is_mapped[fix.location_idx] != 0 ||
+         (fix.keyframe_idx >= 0 && HasLandmarks(model.keyframes(), fix.keyframe_idx));
 }
 
 // A pose that is believed decides. Without one, the scores' word stands where they name a place of
@@ -524,8 +524,9 @@ bool Localizer::State::WantsLandmarks(const Fix& fix) const {
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
   const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
-  const bool stands = !Believed(found) && !WantsLandmarks(fix);
-  if (found.found && !stands && (doubtful || Believed(found))) {
+  const bool believed = Believed(found);
+  const bool scores_stand = !believed && !WantsLandmarks(fix);
+  if (believed || (found.found && doubtful && !scores_stand)) {
     TakePose(found, fix);
     fix.reasons = 0;
     ScoreGuess(fix);
@@ -540,7 +541,7 @@ void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
   fix.evidence = found.evidence;
   fix.expected_evidence = found.expected;
   fix.evidence_spread = found.spread;
-  if (stands) return;
+  if (scores_stand) return;
   if (found.found) {  // not believed, but the best guess there is
     GuessPlace(found, fix);
     ScoreGuess(fix);

@@ -27,13 +27,19 @@ constexpr int kHalf = kScanBlock / 2;  // 16-bit numbers of a vector
 static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
 
 // The 256 values of one part.
-struct WordTable {
-  __m512i values[8];
+template <int kVectors>
+struct Table {
+  __m512i values[kVectors];
 };
+using WordTable = Table<8>;
+using ByteTable = Table<4>;
 
-[[gnu::target(VIEWFIX_WORDS)]] inline WordTable LoadWords(const std::int16_t* table) {
-  WordTable loaded;
-  for (int i = 0; i < 8; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kHalf);
+template <int kVectors, typename T>
+[[gnu::target(VIEWFIX_WORDS)]] inline Table<kVectors> Load(const T* table) {
+  constexpr int kEach = kCodesOfPart / kVectors;
+  static_assert(kEach * sizeof(T) == sizeof(__m512i));
+  Table<kVectors> loaded;
+  for (int i = 0; i < kVectors; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kEach);
   return loaded;
 }
 
@@ -50,16 +56,6 @@ struct WordTable {
 }
 
 // The same of bytes: 7 bits of a code in two vectors.
-struct ByteTable {
-  __m512i values[4];
-};
-
-[[gnu::target(VIEWFIX_BYTES)]] inline ByteTable LoadBytes(const std::uint8_t* table) {
-  ByteTable loaded;
-  for (int i = 0; i < 4; ++i) loaded.values[i] = _mm512_loadu_si512(table + i * kScanBlock);
-  return loaded;
-}
-
 [[gnu::target(VIEWFIX_BYTES)]] inline __m512i LookUp(const ByteTable& table, __m512i codes) {
   const __m512i* const v = table.values;
   return _mm512_mask_blend_epi8(_mm512_movepi8_mask(codes),
@@ -89,7 +85,7 @@ struct Halves {
 [[gnu::target(VIEWFIX_WORDS)]] void SumWords(const std::int16_t* table, const std::uint8_t* codes,
                                              int parts, int num_blocks, std::int16_t* sums) {
   for (int p = 0; p < parts; ++p) {
-    const WordTable part = LoadWords(table + p * kCodesOfPart);
+    const WordTable part = Load<8>(table + p * kCodesOfPart);
     for (int b = 0; b < num_blocks; ++b) {
       const Halves of_part =
           Widen(_mm512_loadu_si512(codes + (std::size_t(b) * parts + p) * kScanBlock));
@@ -102,7 +98,7 @@ struct Halves {
 [[gnu::target(VIEWFIX_BYTES)]] void SumBytes(const std::uint8_t* table, const std::uint8_t* codes,
                                              int parts, int num_blocks, std::int16_t* sums) {
   for (int p = 0; p < parts; ++p) {
-    const ByteTable part = LoadBytes(table + p * kCodesOfPart);
+    const ByteTable part = Load<4>(table + p * kCodesOfPart);
     for (int b = 0; b < num_blocks; ++b) {
       const __m512i of_part = _mm512_loadu_si512(codes + (std::size_t(b) * parts + p) * kScanBlock);
       AddTo(sums + b * kScanBlock, p == 0, Widen(LookUp(part, of_part)));

@@ -35,6 +35,10 @@ bool IsOurs(const std::string& name) {
 
 }  // namespace
 
+void ByteWriter::Append(std::span<const std::uint8_t> bytes) {
+  bytes_.insert(bytes_.end(), bytes.begin(), bytes.end());
+}
+
 StageCache::StageCache(fs::path folder) : folder_(std::move(folder)) {
   std::error_code error;
   fs::create_directories(folder_, error);

@@ -24,13 +24,14 @@ class ByteWriter {
   requires(std::is_arithmetic_v<T>) void Add(T value) { AddAll(std::span<const T>(&value, 1)); }
   template <typename T>
   requires(std::is_arithmetic_v<T>) void AddAll(std::span<const T> values) {
-    const auto* begin = reinterpret_cast<const std::uint8_t*>(values.data());
-    bytes_.insert(bytes_.end(), begin, begin + values.size_bytes());
+    Append({reinterpret_cast<const std::uint8_t*>(values.data()), values.size_bytes()});
   }
 
   const std::vector<std::uint8_t>& bytes() const { return bytes_; }
 
  private:
+  void Append(std::span<const std::uint8_t> bytes);
+
   std::vector<std::uint8_t> bytes_;
 };
 

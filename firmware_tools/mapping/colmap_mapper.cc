@@ -12,6 +12,7 @@
 #include "firmware_tools/dataset/tool_file.h"
 #include "firmware_tools/mapping/colmap_database.h"
 #include "firmware_tools/mapping/colmap_model.h"
+#include "firmware_tools/mapping/map_bytes.h"
 
 namespace viewfix {
 namespace {
@@ -34,11 +35,7 @@ std::string FingerprintOf(const MapInput& input, std::span<const VerifiedPair> p
   ContentHash hash;
   hash.Add(options.seed);
   hash.Add(options.refine_focal);
-  for (const Camera& camera : input.cameras) {
-    hash.Add(camera.model);
-    for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) hash.Add(v);
-    hash.AddAll(std::span<const double>(camera.distortion));
-  }
+  for (const Camera& camera : input.cameras) HashCamera(camera, hash);
   for (const MapFrame& frame : input.frames) {
     hash.AddText(frame.name);
     hash.Add(frame.camera_idx);

@@ -1,20 +1,14 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "firmware_tools/mapping/kept_map.h"
 
+#include "firmware_tools/mapping/map_bytes.h"
+
 namespace viewfix {
 namespace {
 
 // Rises whenever the same photographs would give another map, be it by another default of
 // SfmOptions, or the file below changes.
 constexpr int kKeptVersion = 1;
-
-void AddCamera(const Camera& camera, ContentHash& hash) {
-  hash.Add(camera.model);
-  hash.Add(camera.width);
-  hash.Add(camera.height);
-  for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) hash.Add(v);
-  hash.AddAll(std::span<const double>(camera.distortion));
-}
 
 //   position  in its walk: frames that are far apart make loops
 void AddFrame(const MapFrame& frame, int position, ContentHash& hash) {
@@ -50,16 +44,6 @@ class FrameNumbers {
   int count_ = 0;
   std::vector<int> number_;  // [frames]
 };
-
-void SavePose(const Rigid3& pose, ByteWriter& writer) {
-  writer.AddAll(std::span<const double>(pose.rotation.coeffs().data(), 4));
-  writer.AddAll(std::span<const double>(pose.translation.data(), 3));
-}
-
-void LoadPose(ByteReader& reader, Rigid3& pose) {
-  reader.TakeAll(std::span<double>(pose.rotation.coeffs().data(), 4));
-  reader.TakeAll(std::span<double>(pose.translation.data(), 3));
-}
 
 void SaveMapImage(const MapImage& image, ByteWriter& writer) {
   writer.Add(std::uint64_t{image.name.size()});
@@ -153,7 +137,7 @@ Hash256 MapKey(const MapInput& input, std::span<const FramePair> candidates,
     const MapFrame& frame = input.frames[f];
     if (frame.features->keypoints.empty()) continue;
     AddFrame(frame, order.Position(f), key);
-    AddCamera(input.cameras[frame.camera_idx], key);
+    HashCamera(input.cameras[frame.camera_idx], key);
   }
   const FrameNumbers numbers(input);
   key.Add(std::uint64_t{candidates.size()});
@@ -161,8 +145,7 @@ Hash256 MapKey(const MapInput& input, std::span<const FramePair> candidates,
   for (const VerifiedPair& pair : pairs) {
     numbers.Add(pair.frames, key);
     key.Add(pair.median_angle_deg);
-    key.AddAll(std::span<const double>(pair.second_from_first.rotation.coeffs().data(), 4));
-    key.AddAll(std::span<const double>(pair.second_from_first.translation.data(), 3));
+    HashPose(pair.second_from_first, key);
     key.Add(std::uint64_t{pair.matches.size()});
     for (const FeatureMatch& match : pair.matches) {
       key.Add(match.first_idx);

@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "engine/matching/descriptor_matcher.h"
+#include "firmware_tools/mapping/map_bytes.h"
 
 namespace viewfix {
 namespace {
@@ -220,15 +221,9 @@ Hash256 DigestOf(const MapFrame& frame, const Camera& camera) {
     hash.Add(k.laplacian_sign);
   }
   hash.AddAll(std::span<const std::int8_t>(frame.features->descriptors));
-  hash.Add(camera.model);
-  hash.Add(camera.width);
-  hash.Add(camera.height);
-  for (const double v : {camera.fx, camera.fy, camera.cx, camera.cy}) hash.Add(v);
-  hash.AddAll(std::span<const double>(camera.distortion));
+  HashCamera(camera, hash);
   hash.Add(frame.cam_from_world.has_value());
-  const Rigid3 pose = frame.cam_from_world.value_or(Rigid3());
-  hash.AddAll(std::span<const double>(pose.rotation.coeffs().data(), 4));
-  hash.AddAll(std::span<const double>(pose.translation.data(), 3));
+  HashPose(frame.cam_from_world.value_or(Rigid3()), hash);
   return hash.Result();
 }
 
@@ -254,8 +249,7 @@ struct Codec {
 
   void Save(const VerifiedPair& pair, ByteWriter& writer) const {
     writer.Add(pair.median_angle_deg);
-    writer.AddAll(std::span<const double>(pair.second_from_first.rotation.coeffs().data(), 4));
-    writer.AddAll(std::span<const double>(pair.second_from_first.translation.data(), 3));
+    SavePose(pair.second_from_first, writer);
     writer.Add(std::uint64_t{pair.matches.size()});
     for (const FeatureMatch& match : pair.matches) {
       writer.Add(match.first_idx);
@@ -267,8 +261,7 @@ struct Codec {
   bool Load(ByteReader& reader, VerifiedPair& pair) const {
     pair.frames = frames;
     pair.median_angle_deg = reader.Take<double>();
-    reader.TakeAll(std::span<double>(pair.second_from_first.rotation.coeffs().data(), 4));
-    reader.TakeAll(std::span<double>(pair.second_from_first.translation.data(), 3));
+    LoadPose(reader, pair.second_from_first);
     const auto count = reader.Take<std::uint64_t>();
     if (!reader.Has(count, 3 * sizeof(int))) return false;
     pair.matches.resize(count);

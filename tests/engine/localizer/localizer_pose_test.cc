@@ -62,6 +62,13 @@ class LocalizerPoseTest : public ::testing::Test {
     }
   }
 
+  // Its keyframes, the fourth and those after it, see no landmarks.
+  void LeaveOutTheSecondLocation() {
+    auto& begin = site_.data.keyframe_landmark_begin;
+    site_.data.keyframe_landmarks.resize(begin[4]);
+    std::fill(begin.begin() + 5, begin.end(), begin[4]);
+  }
+
   LandmarkSite site_ = MakeLandmarkSite();
   std::vector<std::uint8_t> file_;
   ModelView model_;
@@ -199,12 +206,7 @@ TEST_F(LocalizerPoseTest, WithoutAgreeingLandmarksItDoesNotKnow) {
 TEST_F(LocalizerPoseTest, APlaceWithoutLandmarksIsStillNamed) {
   for (auto& d : site_.data.landmark_descriptors) d = static_cast<std::int8_t>(-d);
   site_.data.bias = {0, 0, 100, 0};  // whose nearest keyframe may be 4 or 5
-  ModelData& data = site_.data;
-  const std::uint32_t end = data.keyframe_landmark_begin[4];
-  data.keyframe_landmarks.resize(end);
-  for (std::size_t k = 5; k < data.keyframe_landmark_begin.size(); ++k) {
-    data.keyframe_landmark_begin[k] = end;
-  }
+  LeaveOutTheSecondLocation();
   Localizer localizer = Make();
   const auto fix = localizer.Localize(image());
   ASSERT_TRUE(fix.ok());
@@ -258,16 +260,11 @@ TEST_F(LocalizerPoseTest, OfPosesThatLittleSpeaksForTheCurveDecides) {
 // A pose elsewhere that is not believed has no say where the scores name a place without landmarks.
 TEST_F(LocalizerPoseTest, APoseThatIsNotBelievedLeavesAnUnmappedPlaceToTheScores) {
   site_.data.bias = {0, 0, 100, 0};
-  ModelData& data = site_.data;
-  const std::uint32_t end = data.keyframe_landmark_begin[4];
-  data.keyframe_landmarks.resize(end);
-  for (std::size_t k = 5; k < data.keyframe_landmark_begin.size(); ++k) {
-    data.keyframe_landmark_begin[k] = end;
-  }
-  data.pose_confidence = ModelPoseConfidence{2, {}, 0.5F};
+  LeaveOutTheSecondLocation();
+  site_.data.pose_confidence = ModelPoseConfidence{2, {}, 0.5F};
   Localizer trusting = Make();
   EXPECT_EQ(trusting.Localize(image())->location_idx, 0) << "else this shows nothing";
-  data.pose_confidence = ModelPoseConfidence{-2, {}, 0.5F};
+  site_.data.pose_confidence = ModelPoseConfidence{-2, {}, 0.5F};
   Localizer doubting = Make();
   const auto fix = doubting.Localize(image());
   ASSERT_TRUE(fix.ok());
@@ -280,13 +277,8 @@ TEST_F(LocalizerPoseTest, APoseThatIsNotBelievedLeavesAnUnmappedPlaceToTheScores
 // are other places than the one they name.
 TEST_F(LocalizerPoseTest, LandmarksOverruleTheScores) {
   site_.data.weight_scale.assign(4, 1e-9F);
-  ModelData& data = site_.data;
-  data.bias = {0, 0, 0.1F, 0.1F};  // the second location, just
-  const std::uint32_t end = data.keyframe_landmark_begin[4];
-  data.keyframe_landmarks.resize(end);
-  for (std::size_t k = 5; k < data.keyframe_landmark_begin.size(); ++k) {
-    data.keyframe_landmark_begin[k] = end;
-  }
+  site_.data.bias = {0, 0, 0.1F, 0.1F};  // the second location, just
+  LeaveOutTheSecondLocation();
   Localizer localizer = Make();
   const auto fix = localizer.Localize(image());
   ExpectPose(fix, 0.005, 0.002);

@@ -141,6 +141,15 @@ class LongLists {
     return Evidence(words_, queries_, rotation_, hidden, path);
   }
 
+  // Everything moved in all directions: no distance changes, but lengths do.
+  std::vector<float> EvidenceMoved(std::int8_t by, CpuPath path) const {
+    const auto moved = [by](std::vector<std::int8_t> values) {
+      for (std::int8_t& value : values) value = static_cast<std::int8_t>(value + by);
+      return values;
+    };
+    return Evidence(moved(words_), moved(queries_), rotation_, -1, path);
+  }
+
   // The same descriptors followed by numbers that the rotation leaves out.
   std::vector<float> EvidenceAmongMore(CpuPath path) const {
     constexpr int kMore = kDim + 6;
@@ -219,6 +228,16 @@ TEST(PlaceEvidence, IsTheSameOnEveryPath) {
         EXPECT_EQ(site.Evidence(path, hidden), plain) << static_cast<int>(path);
       }
     }
+  }
+}
+
+TEST(PlaceEvidence, DependsOnDistancesNotOnLengths) {
+  const LongLists site(8, 9);
+  const std::vector<float> here = site.Evidence(BestCpuPath(), -1);
+  EXPECT_GT(*std::max_element(here.begin(), here.end()), 0);
+  for (const CpuPath path : CpuPathsHere()) {
+    EXPECT_EQ(site.EvidenceMoved(20, path), here) << "squared lengths about " << 64 * 20 * 20;
+    EXPECT_EQ(site.EvidenceMoved(50, path), here) << "more than 16 bits hold";
   }
 }
 
