@@ -2,6 +2,7 @@
 #include "engine/matching/code_scan.h"
 
 #include <algorithm>
+#include <cstdlib>
 #include <limits>
 
 #if defined(__x86_64__)
@@ -14,6 +15,7 @@ CodeScan::CodeScan(int parts, CpuPath path)
     : parts_(parts),
       path_(path),
       bytes_(path == CpuPath::kAvx512Vnni),
+      word_table_(bytes_ ? 0 : std::size_t(parts) * kCodesOfPart),
       byte_table_(bytes_ ? std::size_t(parts) * kCodesOfPart : 0),
       sums_(kMaxBlocks * kScanBlock) {}
 
@@ -122,39 +124,38 @@ struct Halves {
 }
 
 struct LargestKernel {
-  VIEWFIX_KERNEL void Run(const std::int16_t* values, int n, std::uint16_t* largest) {
-    std::uint16_t magnitude = 0;
-    for (int i = 0; i < n; ++i) {
-      const std::int16_t value = values[i];
-      magnitude = std::max(magnitude, static_cast<std::uint16_t>(value < 0 ? -value : value));
-    }
+  VIEWFIX_KERNEL void Run(const std::int32_t* values, int n, std::int32_t* largest) {
+    std::int32_t magnitude = 0;
+    for (int i = 0; i < n; ++i) magnitude = std::max(magnitude, std::abs(values[i]));
     *largest = magnitude;
   }
 };
 
 // bytes = (values + offset) / 2^shift, rounded down
 struct ToBytesKernel {
-  VIEWFIX_KERNEL void Run(const std::int16_t* values, int n, std::uint16_t offset, int shift,
+  VIEWFIX_KERNEL void Run(const std::int32_t* values, int n, std::int32_t offset, int shift,
                           std::uint8_t* bytes) {
-    for (int i = 0; i < n; ++i) {
-      const auto moved = static_cast<std::uint16_t>(values[i] + offset);
-      bytes[i] = static_cast<std::uint8_t>(moved >> shift);
-    }
+    for (int i = 0; i < n; ++i) bytes[i] = static_cast<std::uint8_t>((values[i] + offset) >> shift);
+  }
+};
+
+struct ToWordsKernel {
+  VIEWFIX_KERNEL void Run(const std::int32_t* values, int n, std::int16_t* words) {
+    for (int i = 0; i < n; ++i) words[i] = static_cast<std::int16_t>(values[i]);
   }
 };
 
 }  // namespace
 
 // Bytes are rounded up, so that a sum of them is never less than that of what they stand for.
-void CodeScan::SetTable(const std::int16_t* table) {
-  table_ = table;
-  if (!bytes_) return;
+void CodeScan::SetTable(const std::int32_t* table) {
   const int size = parts_ * kCodesOfPart;
+  if (!bytes_) return RunOnPath<ToWordsKernel>(path_, table, size, word_table_.data());
   RunOnPath<LargestKernel>(path_, table, size, &largest_);
   shift_ = 0;
   while (2 * largest_ > 255 << shift_) ++shift_;
-  const auto offset = static_cast<std::uint16_t>(largest_ + (1 << shift_) - 1);
-  RunOnPath<ToBytesKernel>(path_, table, size, offset, shift_, byte_table_.data());
+  RunOnPath<ToBytesKernel>(path_, table, size, largest_ + (1 << shift_) - 1, shift_,
+                           byte_table_.data());
 }
 
 void CodeScan::Scan(const std::uint8_t* codes, const std::uint16_t* norm2, int num_blocks,
@@ -168,14 +169,14 @@ void CodeScan::Scan(const std::uint8_t* codes, const std::uint16_t* norm2, int n
   if (bytes_) {
     SumBytes(byte_table_.data(), codes, parts_, num_blocks, sums_.data());
   } else {
-    SumWords(table_, codes, parts_, num_blocks, sums_.data());
+    SumWords(word_table_.data(), codes, parts_, num_blocks, sums_.data());
   }
   FindGreat(sums_.data(), norm2, num_blocks, limit, shift_, found);
 }
 
 #else
 
-void CodeScan::SetTable(const std::int16_t*) {}
+void CodeScan::SetTable(const std::int32_t*) {}
 void CodeScan::Scan(const std::uint8_t*, const std::uint16_t*, int, std::int32_t, std::uint64_t*) {}
 
 #endif

@@ -28,8 +28,8 @@ class CodeScan {
 
   // The largest magnitude of what codes add, and of its sums over parts.
   static constexpr std::int32_t kMaxSum = 32640;
-  // What each code of a part adds: [parts, kCodesOfPart], borrowed until the next call.
-  void SetTable(const std::int16_t* table);
+  // What each code of a part adds: [parts, kCodesOfPart]
+  void SetTable(const std::int32_t* table);
 
   // Blocks that a part is looked up for at once.
   static constexpr int kMaxBlocks = 16;
@@ -45,11 +45,11 @@ class CodeScan {
 
  private:
   int parts_;
-  [[maybe_unused]] CpuPath path_;  // where there is a lookup at all
-  bool bytes_;  // tables are looked up as bytes, rounded up
-  [[maybe_unused]] const std::int16_t* table_ = nullptr;
-  std::vector<std::uint8_t> byte_table_;  // [parts, kCodesOfPart] (table + largest) / 2^shift
-  std::uint16_t largest_ = 0;             // magnitude in the table
+  [[maybe_unused]] CpuPath path_;         // where there is a lookup at all
+  bool bytes_;                            // tables are looked up as bytes, rounded up
+  std::vector<std::int16_t> word_table_;  // [parts, kCodesOfPart] where bytes are not looked up
+  std::vector<std::uint8_t> byte_table_;  // the same (table + largest) / 2^shift
+  std::int32_t largest_ = 0;              // magnitude in the table
   int shift_ = 0;
   std::vector<std::int16_t> sums_;  // [kMaxBlocks, kScanBlock]
 };

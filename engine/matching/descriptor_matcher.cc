@@ -9,7 +9,7 @@ namespace viewfix {
 namespace {
 
 constexpr int kBlock = kTileRows;  // of either side
-static_assert(kBlock % kTileQueries == 0);
+static_assert(kBlock == kTileQueries);
 
 void Update(NearestTwo& nearest, std::int32_t distance2, int candidate_idx) {
   if (distance2 >= nearest.second_distance2) return;
@@ -93,7 +93,7 @@ DescriptorMatcher::DescriptorMatcher(int max_queries, int max_candidates, int di
       max_candidates_(max_candidates),
       path_(path),
       tile_(std::clamp(dim, 1, kMaxDescriptorDim), path),  // Check() refuses others
-      queries_(max_queries, kBlock * tile_.query_bytes()),
+      queries_(max_queries, tile_.tile_bytes()),
       candidates_(max_candidates, tile_.block_bytes()),
       nearest_(RowCapacity(max_queries)),
       best_distance2_(RowCapacity(max_candidates)),
@@ -135,7 +135,7 @@ void DescriptorMatcher::Compare() {
 // Queries q .. q + kTileQueries - 1 with candidates c .. c + kBlock - 1.
 void DescriptorMatcher::CompareTile(int q, int c) {
   std::array<std::int32_t, kTileQueries * kBlock> products;
-  tile_.Products(&queries_.packed[q * tile_.query_bytes()],
+  tile_.Products(&queries_.packed[q / kTileQueries * tile_.tile_bytes()],
                  &candidates_.packed[c / kBlock * tile_.block_bytes()], products.data());
   for (int i = 0; i < kTileQueries; ++i) {
     RunOnPath<CompareKernel>(path_, products.data() + i * kBlock, queries_.norm2[q + i],
@@ -154,7 +154,8 @@ Status DescriptorMatcher::FindNearest(const DescriptorSet& queries, const Descri
   }
   const bool use_signs = !queries.signs.empty() && !candidates.signs.empty();
   const auto pack_query = [this](auto descriptor, int row, std::uint8_t* packed) {
-    tile_.PackQuery(descriptor, packed + row * tile_.query_bytes());
+    tile_.PackQuery(descriptor, row % kTileQueries,
+                    packed + row / kTileQueries * tile_.tile_bytes());
   };
   const auto pack_in_block = [this](auto descriptor, int row, std::uint8_t* packed) {
     tile_.PackRow(descriptor, row % kBlock, packed + row / kBlock * tile_.block_bytes());

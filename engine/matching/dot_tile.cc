@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "engine/matching/dot_tile.h"
 
+#include <array>
 #include <cassert>
 #include <cstring>
 #include <numeric>
@@ -14,10 +15,10 @@
 namespace viewfix {
 namespace {
 
-// Values that lie together where they stay bytes, and what follows a query's: a 32-bit number that
-// its sums begin with.
+static_assert(kTileQueries == kTileRows);  // a tile and a block lie alike
+// Values that lie together where they stay bytes. A tile ends with 32-bit numbers there, which its
+// queries' sums begin with.
 constexpr int kBytesTogether = 4;
-constexpr int kByteQueryTail = 4;
 #if defined(__x86_64__)
 constexpr int kRowOffset = 128;  // VNNI multiplies unsigned bytes by signed ones
 #else
@@ -36,8 +37,13 @@ int FourBytes(const std::uint8_t* values) {
   return four;
 }
 
+// Of query q, at value d.
+int PairAt(const std::uint8_t* queries, int q, int d) {
+  return FourBytes(queries + 2 * d * kTileQueries + q * 4);
+}
+
 void ProductsSse2(const std::uint8_t* queries, const std::uint8_t* block, int depth,
-                  std::int32_t* products) {
+                  std::int32_t* products, std::size_t stride) {
   constexpr int kQueriesAtOnce = 2;  // of the 16 registers
   constexpr int kVectors = 4;
   for (int q = 0; q < kTileQueries; q += kQueriesAtOnce) {
@@ -45,19 +51,21 @@ void ProductsSse2(const std::uint8_t* queries, const std::uint8_t* block, int de
     for (int d = 0; d < depth; d += kWideTogether) {
       const auto* rows = reinterpret_cast<const __m128i*>(block + 2 * d * kTileRows);
       for (int i = 0; i < kQueriesAtOnce; ++i) {
-        const __m128i pair = _mm_set1_epi32(FourBytes(queries + 2 * ((q + i) * depth + d)));
+        const __m128i pair = _mm_set1_epi32(PairAt(queries, q + i, d));
         for (int v = 0; v < kVectors; ++v) {
           const __m128i product = _mm_madd_epi16(_mm_loadu_si128(rows + v), pair);
           sums[i][v] = _mm_add_epi32(sums[i][v], product);
         }
       }
     }
-    std::memcpy(products + q * kTileRows, sums, sizeof(sums));
+    for (int i = 0; i < kQueriesAtOnce; ++i) {
+      std::memcpy(products + (q + i) * stride, sums[i], sizeof(sums[i]));
+    }
   }
 }
 
 [[gnu::target("avx2")]] void ProductsAvx2(const std::uint8_t* queries, const std::uint8_t* block,
-                                          int depth, std::int32_t* products) {
+                                          int depth, std::int32_t* products, std::size_t stride) {
   constexpr int kQueriesAtOnce = 4;
   for (int q = 0; q < kTileQueries; q += kQueriesAtOnce) {
     __m256i sums[kQueriesAtOnce][2] = {};
@@ -66,24 +74,20 @@ void ProductsSse2(const std::uint8_t* queries, const std::uint8_t* block, int de
       const __m256i low = _mm256_loadu_si256(rows);
       const __m256i high = _mm256_loadu_si256(rows + 1);
       for (int i = 0; i < kQueriesAtOnce; ++i) {
-        const __m256i pair = _mm256_set1_epi32(FourBytes(queries + 2 * ((q + i) * depth + d)));
+        const __m256i pair = _mm256_set1_epi32(PairAt(queries, q + i, d));
         sums[i][0] = _mm256_add_epi32(sums[i][0], _mm256_madd_epi16(low, pair));
         sums[i][1] = _mm256_add_epi32(sums[i][1], _mm256_madd_epi16(high, pair));
       }
     }
-    std::memcpy(products + q * kTileRows, sums, sizeof(sums));
+    for (int i = 0; i < kQueriesAtOnce; ++i) {
+      std::memcpy(products + (q + i) * stride, sums[i], sizeof(sums[i]));
+    }
   }
 }
 
 struct TileSums {
   __m512i of_query[kTileQueries];
 };
-
-// What the pair of values at `query` and those of the rows beside them add to its sums.
-[[gnu::target("avx512f,avx512bw")]] inline __m512i Pairs512(const std::uint8_t* query,
-                                                            __m512i rows) {
-  return _mm512_madd_epi16(rows, _mm512_set1_epi32(FourBytes(query)));
-}
 
 // The first step fills the sums: cleared ones GCC 12 would clear in memory.
 [[gnu::target("avx512f,avx512bw")]] inline TileSums SumPairs512(const std::uint8_t* queries,
@@ -92,43 +96,63 @@ struct TileSums {
   TileSums sums;
   const __m512i first_rows = _mm512_loadu_si512(block);
   for (int i = 0; i < kTileQueries; ++i) {
-    sums.of_query[i] = Pairs512(queries + 2 * i * depth, first_rows);
+    sums.of_query[i] = _mm512_madd_epi16(first_rows, _mm512_set1_epi32(PairAt(queries, i, 0)));
   }
   for (int d = kWideTogether; d < depth; d += kWideTogether) {
     const __m512i rows = _mm512_loadu_si512(block + 2 * d * kTileRows);
     for (int i = 0; i < kTileQueries; ++i) {
-      const __m512i products = Pairs512(queries + 2 * (i * depth + d), rows);
+      const __m512i products = _mm512_madd_epi16(rows, _mm512_set1_epi32(PairAt(queries, i, d)));
       sums.of_query[i] = _mm512_add_epi32(sums.of_query[i], products);
     }
   }
   return sums;
 }
 
-[[gnu::target("avx512f,avx512bw")]] inline void WriteLikeness512(const TileSums& sums,
+[[gnu::target("avx512f,avx512bw")]] inline void WriteSums512(const TileSums& sums,
+                                                             std::int32_t* products,
+                                                             std::size_t stride) {
+  for (int i = 0; i < kTileQueries; ++i) {
+    _mm512_storeu_si512(products + i * stride, sums.of_query[i]);
+  }
+}
+
+// Returns whether any is above its limit; only then the likeness is written.
+[[gnu::target("avx512f,avx512bw")]] inline bool WriteLikeness512(const TileSums& sums,
                                                                  const std::int32_t* norm2,
                                                                  const std::int32_t* limits,
-                                                                 std::int32_t* likeness,
-                                                                 std::uint32_t* above) {
+                                                                 DotTile::Likeness& likeness) {
   const __m512i norms = _mm512_loadu_si512(norm2);
+  TileSums like;
+  __mmask16 any = 0;
   for (int i = 0; i < kTileQueries; ++i) {
     const __m512i sum = sums.of_query[i];
-    const __m512i like = _mm512_sub_epi32(_mm512_add_epi32(sum, sum), norms);
-    _mm512_storeu_si512(likeness + i * kTileRows, like);
-    above[i] = _mm512_cmpgt_epi32_mask(like, _mm512_set1_epi32(limits[i]));
+    like.of_query[i] = _mm512_sub_epi32(_mm512_add_epi32(sum, sum), norms);
+    const __mmask16 above = _mm512_cmpgt_epi32_mask(like.of_query[i], _mm512_set1_epi32(limits[i]));
+    likeness.above[i] = above;
+    any |= above;
   }
+  if (any == 0) return false;
+  std::memcpy(likeness.of_query, &like, sizeof(like));
+  return true;
 }
 
 [[gnu::target("avx512f,avx512bw")]] void ProductsAvx512(const std::uint8_t* queries,
                                                         const std::uint8_t* block, int depth,
-                                                        std::int32_t* products) {
-  const TileSums sums = SumPairs512(queries, block, depth);
-  std::memcpy(products, &sums, sizeof(sums));
+                                                        std::int32_t* products,
+                                                        std::size_t stride) {
+  WriteSums512(SumPairs512(queries, block, depth), products, stride);
 }
 
-[[gnu::target("avx512f,avx512bw")]] void LikenessAvx512(
-    const std::uint8_t* queries, const std::uint8_t* block, int depth, const std::int32_t* norm2,
-    const std::int32_t* limits, std::int32_t* likeness, std::uint32_t* above) {
-  WriteLikeness512(SumPairs512(queries, block, depth), norm2, limits, likeness, above);
+[[gnu::target("avx512f,avx512bw")]] int FindAboveAvx512(const std::uint8_t* queries,
+                                                        const DotTile::Blocks& blocks, int begin,
+                                                        int depth, const std::int32_t* limits,
+                                                        DotTile::Likeness& likeness) {
+  for (int b = begin; b < blocks.size; ++b) {
+    const TileSums sums =
+        SumPairs512(queries, blocks.rows + std::size_t(b) * 2 * depth * kTileRows, depth);
+    if (WriteLikeness512(sums, blocks.norm2 + b * kTileRows, limits, likeness)) return b;
+  }
+  return blocks.size;
 }
 
 #define VIEWFIX_VNNI "avx512f,avx512bw,avx512vnni"
@@ -136,15 +160,14 @@ struct TileSums {
 // Rows' bytes are kRowOffset too large; what the sums begin with takes it back.
 [[gnu::target(VIEWFIX_VNNI)]] inline TileSums SumBytes512(const std::uint8_t* queries,
                                                           const std::uint8_t* block, int depth) {
-  const int stride = depth + kByteQueryTail;
   TileSums sums;
   for (int i = 0; i < kTileQueries; ++i) {
-    sums.of_query[i] = _mm512_set1_epi32(FourBytes(queries + i * stride + depth));
+    sums.of_query[i] = _mm512_set1_epi32(FourBytes(queries + depth * kTileQueries + 4 * i));
   }
   for (int d = 0; d < depth; d += kBytesTogether) {
     const __m512i rows = _mm512_loadu_si512(block + d * kTileRows);
     for (int i = 0; i < kTileQueries; ++i) {
-      const __m512i four = _mm512_set1_epi32(FourBytes(queries + i * stride + d));
+      const __m512i four = _mm512_set1_epi32(FourBytes(queries + d * kTileQueries + 4 * i));
       sums.of_query[i] = _mm512_dpbusd_epi32(sums.of_query[i], rows, four);
     }
   }
@@ -153,17 +176,20 @@ struct TileSums {
 
 [[gnu::target(VIEWFIX_VNNI)]] void ProductsVnni(const std::uint8_t* queries,
                                                 const std::uint8_t* block, int depth,
-                                                std::int32_t* products) {
-  const TileSums sums = SumBytes512(queries, block, depth);
-  std::memcpy(products, &sums, sizeof(sums));
+                                                std::int32_t* products, std::size_t stride) {
+  WriteSums512(SumBytes512(queries, block, depth), products, stride);
 }
 
-[[gnu::target(VIEWFIX_VNNI)]] void LikenessVnni(const std::uint8_t* queries,
-                                                const std::uint8_t* block, int depth,
-                                                const std::int32_t* norm2,
-                                                const std::int32_t* limits, std::int32_t* likeness,
-                                                std::uint32_t* above) {
-  WriteLikeness512(SumBytes512(queries, block, depth), norm2, limits, likeness, above);
+[[gnu::target(VIEWFIX_VNNI)]] int FindAboveVnni(const std::uint8_t* queries,
+                                                const DotTile::Blocks& blocks, int begin, int depth,
+                                                const std::int32_t* limits,
+                                                DotTile::Likeness& likeness) {
+  for (int b = begin; b < blocks.size; ++b) {
+    const TileSums sums =
+        SumBytes512(queries, blocks.rows + std::size_t(b) * depth * kTileRows, depth);
+    if (WriteLikeness512(sums, blocks.norm2 + b * kTileRows, limits, likeness)) return b;
+  }
+  return blocks.size;
 }
 
 #else
@@ -180,7 +206,7 @@ std::int32_t WideValue(const std::uint8_t* bytes) {
 }
 
 void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int depth,
-                   std::int32_t* products) {
+                   std::int32_t* products, std::size_t stride) {
   constexpr int kQueriesAtOnce = 4;  // of the 32 registers of 64-bit ARM
   constexpr int kVectors = 4;
   for (int q = 0; q < kTileQueries; q += kQueriesAtOnce) {
@@ -191,11 +217,13 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
       for (int v = 0; v < kVectors; ++v) {
         const Words rows = __builtin_convertvector(halves[v], Words);
         for (int i = 0; i < kQueriesAtOnce; ++i) {
-          sums[i][v] += rows * WideValue(queries + 2 * ((q + i) * depth + d));
+          sums[i][v] += rows * WideValue(queries + 2 * (d * kTileQueries + q + i));
         }
       }
     }
-    std::memcpy(products + q * kTileRows, sums, sizeof(sums));
+    for (int i = 0; i < kQueriesAtOnce; ++i) {
+      std::memcpy(products + (q + i) * stride, sums[i], sizeof(sums[i]));
+    }
   }
 }
 
@@ -204,10 +232,10 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
 // The dot product instructions of ARMv8.2 (Cortex-A55, A75 and later): four signed bytes by four.
 [[gnu::target("arch=armv8.2-a+dotprod")]] void ProductsNeonDot(const std::uint8_t* queries,
                                                                const std::uint8_t* block, int depth,
-                                                               std::int32_t* products) {
+                                                               std::int32_t* products,
+                                                               std::size_t stride) {
   constexpr int kQueriesAtOnce = 4;  // of the 32 registers
   constexpr int kVectors = 4;
-  const int stride = depth + kByteQueryTail;
   for (int q = 0; q < kTileQueries; q += kQueriesAtOnce) {
     int32x4_t sums[kQueriesAtOnce][kVectors] = {};
     for (int d = 0; d < depth; d += kBytesTogether) {
@@ -217,14 +245,14 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
       }
       for (int i = 0; i < kQueriesAtOnce; ++i) {
         std::int32_t four;
-        std::memcpy(&four, queries + (q + i) * stride + d, sizeof(four));
+        std::memcpy(&four, queries + d * kTileQueries + 4 * (q + i), sizeof(four));
         const int8x16_t values = vreinterpretq_s8_s32(vdupq_n_s32(four));
         for (int v = 0; v < kVectors; ++v) sums[i][v] = vdotq_s32(sums[i][v], rows[v], values);
       }
     }
     for (int i = 0; i < kQueriesAtOnce; ++i) {
       for (int v = 0; v < kVectors; ++v) {
-        vst1q_s32(products + (q + i) * kTileRows + 4 * v, sums[i][v]);
+        vst1q_s32(products + (q + i) * stride + 4 * v, sums[i][v]);
       }
     }
   }
@@ -234,30 +262,37 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
 
 #endif
 
-// On the paths without compare masks. Most rows are below the limits, which whole vectors see at
-// once.
+// On the paths without compare masks: products become likeness. Returns whether any is above its
+// limit. Most rows are not, which whole vectors see at once.
 struct CompareKernel {
   VIEWFIX_KERNEL void Run(const std::int32_t* norm2, const std::int32_t* limits,
-                          std::int32_t* likeness, std::uint32_t* above) {
-    for (int i = 0; i < kTileQueries; ++i, likeness += kTileRows) {
+                          DotTile::Likeness* likeness, bool* any) {
+    for (int i = 0; i < kTileQueries; ++i) {
+      std::int32_t* const like = likeness->of_query[i];
       int some = 0;
       for (int r = 0; r < kTileRows; ++r) {
-        likeness[r] = 2 * likeness[r] - norm2[r];
-        some |= likeness[r] > limits[i] ? 1 : 0;
+        like[r] = 2 * like[r] - norm2[r];
+        some |= like[r] > limits[i] ? 1 : 0;
       }
-      above[i] = 0;
+      likeness->above[i] = 0;
       if (some == 0) continue;
-      for (int r = 0; r < kTileRows; ++r) above[i] |= likeness[r] > limits[i] ? 1U << r : 0U;
+      for (int r = 0; r < kTileRows; ++r) likeness->above[i] |= like[r] > limits[i] ? 1U << r : 0U;
+      *any = true;
     }
   }
 };
 
-template <auto kProducts, CpuPath kPath>
-void LikenessOn(const std::uint8_t* queries, const std::uint8_t* block, int depth,
-                const std::int32_t* norm2, const std::int32_t* limits, std::int32_t* likeness,
-                std::uint32_t* above) {
-  kProducts(queries, block, depth, likeness);
-  RunOnPath<CompareKernel>(kPath, norm2, limits, likeness, above);
+template <auto kProducts, CpuPath kPath, int kBytesOfValue>
+int FindAboveOn(const std::uint8_t* queries, const DotTile::Blocks& blocks, int begin, int depth,
+                const std::int32_t* limits, DotTile::Likeness& likeness) {
+  const std::size_t block_bytes = std::size_t{kTileRows} * kBytesOfValue * depth;
+  for (int b = begin; b < blocks.size; ++b) {
+    kProducts(queries, blocks.rows + b * block_bytes, depth, likeness.of_query[0], kTileRows);
+    bool any = false;
+    RunOnPath<CompareKernel>(kPath, blocks.norm2 + b * kTileRows, limits, &likeness, &any);
+    if (any) return b;
+  }
+  return blocks.size;
 }
 
 constexpr int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
@@ -268,62 +303,68 @@ constexpr int RoundUp(int n, int step) { return (n + step - 1) / step * step; }
 DotTile::Kernels DotTile::KernelsFor(CpuPath path) {
   switch (path) {
     case CpuPath::kAvx512Vnni:
-      return {ProductsVnni, LikenessVnni};
+      return {ProductsVnni, FindAboveVnni};
     case CpuPath::kAvx512:
-      return {ProductsAvx512, LikenessAvx512};
+      return {ProductsAvx512, FindAboveAvx512};
     case CpuPath::kAvx2:
-      return {ProductsAvx2, LikenessOn<ProductsAvx2, CpuPath::kAvx2>};
+      return {ProductsAvx2, FindAboveOn<ProductsAvx2, CpuPath::kAvx2, 2>};
     default:
-      return {ProductsSse2, LikenessOn<ProductsSse2, CpuPath::kPlain>};
+      return {ProductsSse2, FindAboveOn<ProductsSse2, CpuPath::kPlain, 2>};
   }
 }
 #else
 DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
 #ifdef VIEWFIX_NEON_DOT
   if (path == CpuPath::kNeonDot) {
-    return {ProductsNeonDot, LikenessOn<ProductsNeonDot, CpuPath::kPlain>};
+    return {ProductsNeonDot, FindAboveOn<ProductsNeonDot, CpuPath::kPlain, 1>};
   }
 #endif
-  return {ProductsPlain, LikenessOn<ProductsPlain, CpuPath::kPlain>};
+  return {ProductsPlain, FindAboveOn<ProductsPlain, CpuPath::kPlain, 2>};
 }
 #endif
 
 DotTile::DotTile(int dim, CpuPath path)
     : bytes_(path == CpuPath::kAvx512Vnni || path == CpuPath::kNeonDot),
       depth_(RoundUp(dim, bytes_ ? kBytesTogether : kWideTogether)),
-      query_bytes_(bytes_ ? depth_ + kByteQueryTail : 2 * depth_),
+      tile_bytes_(std::size_t{kTileQueries} *
+                  (bytes_ ? depth_ + sizeof(std::int32_t) : 2 * depth_)),
       block_bytes_(std::size_t{kTileRows} * depth_ * (bytes_ ? 1 : 2)),
       kernels_(KernelsFor(path)) {
   assert(dim >= 1 && dim <= kMaxDescriptorDim);
 }
 
-void DotTile::PackQuery(std::span<const std::int8_t> descriptor, std::uint8_t* query) const {
-  std::memset(query, 0, query_bytes_);
-  if (!bytes_) {
-    for (const std::int16_t value : descriptor) {
-      std::memcpy(query, &value, sizeof(value));
-      query += sizeof(value);
-    }
-    return;
-  }
-  std::memcpy(query, descriptor.data(), descriptor.size());
-  const std::int32_t tail =
+void DotTile::PackQuery(std::span<const std::int8_t> descriptor, int query,
+                        std::uint8_t* tile) const {
+  Pack(descriptor, query, 0, tile);
+  if (!bytes_) return;
+  const std::int32_t first =
       -kRowOffset * std::accumulate(descriptor.begin(), descriptor.end(), std::int32_t{0});
-  std::memcpy(query + depth_, &tail, sizeof(tail));
+  std::memcpy(tile + depth_ * kTileQueries + sizeof(first) * query, &first, sizeof(first));
 }
 
 void DotTile::PackRow(std::span<const std::int8_t> descriptor, int row, std::uint8_t* block) const {
+  Pack(descriptor, row, bytes_ ? kRowOffset : 0, block);
+}
+
+// As number `i` of a tile or a block, `offset` added to each value.
+void DotTile::Pack(std::span<const std::int8_t> descriptor, int i, int offset,
+                   std::uint8_t* packed) const {
   const int dim = static_cast<int>(descriptor.size());
-  const int together = bytes_ ? kBytesTogether : kWideTogether;
-  for (int d = 0; d < depth_; ++d) {
-    const int value = d < dim ? descriptor[d] : 0;
-    const int place = (d / together * kTileRows + row) * together + d % together;
-    if (bytes_) {
-      block[place] = static_cast<std::uint8_t>(value + kRowOffset);
-    } else {
-      const auto wide = static_cast<std::int16_t>(value);
-      std::memcpy(block + 2 * place, &wide, sizeof(wide));
+  const auto value_at = [&](int d) { return (d < dim ? descriptor[d] : 0) + offset; };
+  if (bytes_) {
+    for (int d = 0; d < depth_; d += kBytesTogether) {
+      std::array<std::uint8_t, kBytesTogether> values;
+      for (int j = 0; j < kBytesTogether; ++j) {
+        values[j] = static_cast<std::uint8_t>(value_at(d + j));
+      }
+      std::memcpy(packed + (d * kTileRows + i * kBytesTogether), values.data(), sizeof(values));
     }
+    return;
+  }
+  for (int d = 0; d < depth_; d += kWideTogether) {
+    std::array<std::int16_t, kWideTogether> values;
+    for (int j = 0; j < kWideTogether; ++j) values[j] = static_cast<std::int16_t>(value_at(d + j));
+    std::memcpy(packed + 2 * (d * kTileRows + i * kWideTogether), values.data(), sizeof(values));
   }
 }
 

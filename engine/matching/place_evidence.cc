@@ -24,28 +24,6 @@ std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
   return sum;
 }
 
-// table[p][c] = x_p'c for all codes c of all parts p of a descriptor x.
-//   codes [dim, kCodesOfPart], table [parts, kCodesOfPart]; what does not fit into T is cut
-struct TableKernel {
-  static constexpr int kCodes = 64;  // sums that stay in registers
-
-  template <typename T>
-  VIEWFIX_KERNEL void Run(const std::int8_t* x, int parts, int piece, const std::int16_t* codes,
-                          T* table) {
-    for (int p = 0; p < parts; ++p) {
-      for (int begin = 0; begin < kCodesOfPart; begin += kCodes) {
-        std::array<T, kCodes> sums{};
-        for (int i = p * piece; i < (p + 1) * piece; ++i) {
-          const std::int16_t* const row = codes + i * kCodesOfPart + begin;
-          const T value = x[i];
-          for (int c = 0; c < kCodes; ++c) sums[c] = static_cast<T>(sums[c] + value * row[c]);
-        }
-        std::copy(sums.begin(), sums.end(), table + p * kCodesOfPart + begin);
-      }
-    }
-  }
-};
-
 // Sums of a tile, as Turner says.
 //   sums [kTileQueries, kTileRows]   turned [n, dim]
 struct RoundKernel {
@@ -62,12 +40,10 @@ struct RoundKernel {
 };
 
 // The sum of what a detail's codes stand for; the codes of its parts lie `stride` apart.
-//   kParts   where the compiler is to know it and needs no loop; 0: `parts` says
-template <int kParts, typename T>
-std::int32_t SumCodes(const T* table, const std::uint8_t* codes, std::size_t stride, int parts) {
-  const int n = kParts > 0 ? kParts : parts;
+std::int32_t SumCodes(const std::int32_t* table, const std::uint8_t* codes, std::size_t stride,
+                      int parts) {
   std::int32_t sum = 0;
-  for (int p = 0; p < n; ++p) sum += table[p * kCodesOfPart + codes[p * stride]];
+  for (int p = 0; p < parts; ++p) sum += table[p * kCodesOfPart + codes[p * stride]];
   return sum;
 }
 
@@ -92,8 +68,7 @@ void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned)
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
     for (int i = 0; i < n; ++i) {
-      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_),
-                      &queries[i * tile_.query_bytes()]);
+      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), i, queries.data());
     }
     for (int row = 0; row < turned_dim_; row += kTileRows) {
       tile_.Products(queries.data(), &rows_[row / kTileRows * tile_.block_bytes()], sums.data());
@@ -106,18 +81,15 @@ void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned)
 PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
                              const ModelDetails& details, int num_locations, int max_features,
                              CpuPath path)
-    : path_(path),
-      details_(details),
+    : details_(details),
       turner_(details.rotation, dim, path),
       dim_(turner_.turned_dim()),
       common_(num_locations),
+      tables_(details.codebook, details.parts, dim_, path),
       words_(words.size() / dim * dim_),
-      codebook_(details.codebook.size()),
       list_begin_(2 * (words.size() / dim) + 1, 0),
       location_(details.size),
       turned_(std::size_t(max_features) * dim_),
-      wide_table_(std::size_t(details.parts) * kCodesOfPart),
-      table_(wide_table_.size()),
       evidence_(num_locations + 1, 0.0F),
       votes_(num_locations + 1, 0),
       choices_(max_features, -1) {
@@ -126,15 +98,6 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
   norm2_.resize(blocks * kScanBlock);
   if (CodeScan::Has(path)) scan_.emplace(details.parts, path);
   turner_.Turn(words, words_.data());
-  const int piece = dim_ / details.parts;
-  for (int p = 0; p < details.parts; ++p) {
-    for (int c = 0; c < kCodesOfPart; ++c) {
-      for (int i = 0; i < piece; ++i) {
-        codebook_[(std::size_t(p) * piece + i) * kCodesOfPart + c] =
-            details.codebook[(std::size_t(p) * kCodesOfPart + c) * piece + i];
-      }
-    }
-  }
   ListDetails();
   SumNorms();
 }
@@ -172,7 +135,7 @@ void PlaceEvidence::ListDetails() {
 // |w + r|^2 = |w|^2 + sum over parts of 2 w'c + |c|^2.
 void PlaceEvidence::SumNorms() {
   const int parts = details_.parts, piece = dim_ / parts;
-  std::vector<std::int32_t> code_norm2(wide_table_.size());
+  std::vector<std::int32_t> code_norm2(std::size_t(parts) * kCodesOfPart);
   for (std::size_t code = 0; code < code_norm2.size(); ++code) {
     const std::int8_t* centre = details_.codebook.data() + code * piece;
     code_norm2[code] = Dot(centre, centre, piece);
@@ -180,17 +143,21 @@ void PlaceEvidence::SumNorms() {
   for (auto part = code_norm2.begin(); part != code_norm2.end(); part += kCodesOfPart) {
     longest2_ += *std::max_element(part, part + kCodesOfPart);
   }
-  for (std::size_t list = 0; list + 1 < list_begin_.size(); ++list) {
-    if (list_begin_[list] == list_begin_[list + 1]) continue;
-    const std::int8_t* word = words_.data() + list / 2 * dim_;
-    RunOnPath<TableKernel>(path_, word, parts, piece, codebook_.data(), wide_table_.data());
-    for (std::size_t code = 0; code < wide_table_.size(); ++code) {
-      wide_table_[code] = 2 * wide_table_[code] + code_norm2[code];
+  std::vector<std::int32_t> table(code_norm2.size());
+  const int num_words = static_cast<int>(words_.size()) / dim_;
+  for (int w = 0; w < num_words; ++w) {
+    const auto words = std::span(words_).subspan(std::size_t(w) * dim_);
+    if (w % kTileQueries == 0) {
+      tables_.Fill(words.first(std::size_t(std::min(kTileQueries, num_words - w)) * dim_));
     }
-    const std::int32_t word_norm2 = Dot(word, word, dim_);
-    for (std::uint32_t d = list_begin_[list]; d < list_begin_[list + 1]; ++d) {
+    const std::int32_t* const products = tables_.Of(w % kTileQueries);
+    for (std::size_t code = 0; code < table.size(); ++code) {
+      table[code] = 2 * products[code] + code_norm2[code];
+    }
+    const std::int32_t word_norm2 = Dot(words.data(), words.data(), dim_);
+    for (std::uint32_t d = list_begin_[2 * w]; d < list_begin_[2 * w + 2]; ++d) {
       const std::int32_t norm2 =
-          word_norm2 + SumCodes<0>(wide_table_.data(), &codes_[CodeAt(d, 0)], CodeStride(), parts);
+          word_norm2 + SumCodes(table.data(), &codes_[CodeAt(d, 0)], CodeStride(), parts);
       norm2_[d] = static_cast<std::uint16_t>(std::min(norm2, kLong2));
       if (norm2 >= kLong2) long_.push_back({d, norm2});
     }
@@ -203,19 +170,9 @@ std::int32_t PlaceEvidence::Norm2(std::uint32_t detail) const {
 }
 
 // Whether all products can be scanned: |q'r| <= |q| |r|. Real descriptors' are far from it.
-bool PlaceEvidence::FitsTable(std::int32_t query_norm2) const {
+bool PlaceEvidence::FitsScan(std::int32_t query_norm2) const {
   constexpr std::int64_t kMaxSum = CodeScan::kMaxSum;
   return query_norm2 * longest2_ <= kMaxSum * kMaxSum;
-}
-
-void PlaceEvidence::FillTable(const std::int8_t* descriptor, bool narrow) {
-  const int parts = details_.parts, piece = dim_ / parts;
-  if (narrow) {
-    RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), table_.data());
-    scan_->SetTable(table_.data());
-  } else {
-    RunOnPath<TableKernel>(path_, descriptor, parts, piece, codebook_.data(), wide_table_.data());
-  }
 }
 
 // Whatever is not nearer than the second nearest location cannot change the vote.
@@ -234,15 +191,12 @@ void PlaceEvidence::Take(std::uint32_t detail, std::int32_t distance2, int hidde
 
 //   base  |q|^2 - 2 q'w of the feature q and the list's word w
 void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, int hidden) {
-  for (std::uint32_t d = list[0]; d < list[1]; ++d) Compare(wide_table_.data(), base, d, hidden);
+  for (std::uint32_t d = list[0]; d < list[1]; ++d) Compare(base, d, hidden);
 }
 
-template <typename T>
-void PlaceEvidence::Compare(const T* table, std::int32_t base, std::uint32_t detail, int hidden) {
-  const int parts = details_.parts;
-  const std::uint8_t* codes = &codes_[CodeAt(detail, 0)];
-  const std::int32_t product = parts == 8 ? SumCodes<8>(table, codes, CodeStride(), parts)
-                                          : SumCodes<0>(table, codes, CodeStride(), parts);
+void PlaceEvidence::Compare(std::int32_t base, std::uint32_t detail, int hidden) {
+  const std::int32_t product =
+      SumCodes(table_, &codes_[CodeAt(detail, 0)], CodeStride(), details_.parts);
   const std::int32_t distance2 = base + Norm2(detail) - 2 * product;
   if (distance2 < nearest_.second_distance2) Take(detail, distance2, hidden);
 }
@@ -266,7 +220,7 @@ void PlaceEvidence::CompareBlocks(std::int32_t base, const std::uint32_t* list, 
         const std::uint32_t d = first + i;
         if (d < begin || d >= end) continue;
         if (base + norm2_[d] - 2 * scan_->AtMost(i) >= nearest_.second_distance2) continue;
-        Compare(table_.data(), base, d, hidden);
+        Compare(base, d, hidden);
       }
     }
   }
@@ -288,19 +242,24 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
   std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
   turner_.Turn(descriptors, turned_.data());
+  const std::size_t size = keypoints.size();
   std::size_t w = 0;
-  for (std::size_t i = 0; i < keypoints.size(); ++i) {
-    const std::int8_t* const descriptor = turned_.data() + i * dim_;
-    const std::int32_t norm2 = Dot(descriptor, descriptor, dim_);
-    const bool narrow = scan_ && FitsTable(norm2);
-    FillTable(descriptor, narrow);
+  for (std::size_t i = 0; i < size; ++i) {
+    const auto descriptor = std::span(turned_).subspan(i * dim_);
+    if (i % kTileQueries == 0) {
+      tables_.Fill(descriptor.first(std::min<std::size_t>(kTileQueries, size - i) * dim_));
+    }
+    table_ = tables_.Of(static_cast<int>(i % kTileQueries));
+    const std::int32_t norm2 = Dot(descriptor.data(), descriptor.data(), dim_);
+    const bool scanned = scan_ && FitsScan(norm2);
+    if (scanned) scan_->SetTable(table_);
     nearest_ = {kFar2, kFar2, -1};
     const std::size_t dark = keypoints[i].laplacian_sign < 0 ? 1 : 0;
     for (int v = 0; v < words_per_feature; ++v, ++w) {
       const std::size_t word = words_of_features[w];
-      const std::int32_t dot = Dot(descriptor, words_.data() + word * dim_, dim_);
+      const std::int32_t dot = Dot(descriptor.data(), words_.data() + word * dim_, dim_);
       const std::uint32_t* const list = &list_begin_[2 * word + dark];
-      if (narrow) {
+      if (scanned) {
         CompareBlocks(norm2 - 2 * dot, list, hidden);
       } else {
         CompareEach(norm2 - 2 * dot, list, hidden);

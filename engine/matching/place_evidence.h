@@ -9,6 +9,7 @@
 #include "engine/base/cpu_path.h"
 #include "engine/features/feature_extractor.h"
 #include "engine/matching/code_scan.h"
+#include "engine/matching/code_tables.h"
 #include "engine/matching/dot_tile.h"
 #include "models/model_view.h"
 
@@ -95,33 +96,29 @@ class PlaceEvidence {
   std::size_t CodeStride() const { return scan_ ? kScanBlock : 1; }  // from part to part
   void ListDetails();
   void SumNorms();
-  bool FitsTable(std::int32_t query_norm2) const;
-  void FillTable(const std::int8_t* descriptor, bool narrow);
+  bool FitsScan(std::int32_t query_norm2) const;
   void Take(std::uint32_t detail, std::int32_t distance2, int hidden);
-  template <typename T>
-  void Compare(const T* table, std::int32_t base, std::uint32_t detail, int hidden);
+  void Compare(std::int32_t base, std::uint32_t detail, int hidden);
   void CompareEach(std::int32_t base, const std::uint32_t* list, int hidden);
   void CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden);
   int Vote();
 
-  CpuPath path_;
   std::optional<CodeScan> scan_;  // none: details are compared one by one
   ModelDetails details_;
   Turner turner_;
-  int dim_;                             // of what turner_ gives
-  int common_;                          // stands for the common details: one behind the locations
-  std::vector<std::int8_t> words_;      // [words, dim] turned
-  std::vector<std::int16_t> codebook_;  // [parts, dim / parts, kCodesOfPart]: codes side by side
-  std::int64_t longest2_ = 0;           // squared length of the longest that codes stand for
+  int dim_;     // of what turner_ gives
+  int common_;  // stands for the common details: one behind the locations
+  CodeTables tables_;
+  std::vector<std::int8_t> words_;         // [words, dim] turned
+  std::int64_t longest2_ = 0;              // squared length of the longest that codes stand for
   std::vector<std::uint32_t> list_begin_;  // [2 words + 1] into the details, by list
   std::vector<std::uint16_t> location_;    // [details]
   std::vector<std::uint8_t> codes_;        // [details, parts], as CodeAt() says
   std::vector<std::uint16_t> norm2_;       // [details] squared length, cut to 16 bits
   std::vector<LongDetail> long_;           // those whose is cut, ascending
   std::vector<std::int8_t> turned_;        // [features, dim]
-  std::vector<std::int32_t> wide_table_;   // [parts, kCodesOfPart] q'c of the feature at hand
-  std::vector<std::int16_t> table_;        // the same, where it fits
-  Nearest nearest_;                        // of the feature at hand
+  const std::int32_t* table_ = nullptr;    // of the feature at hand, in tables_
+  Nearest nearest_;                        // the same
   std::vector<float> evidence_;            // [locations + 1]
   std::vector<int> votes_;                 // [locations + 1]
   std::vector<int> choices_;               // [features]

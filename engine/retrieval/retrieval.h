@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -28,9 +29,15 @@ class Retrieval {
  private:
   struct Walk;
 
+  // What an entry of a keyframe's histogram stands for: looked up, not worked out anew.
+  struct Entry {
+    std::int32_t step;
+    float mapped_count;  // before scale_; of 0: 0
+  };
+
   ModelKeyframes keyframes_;
-  std::array<float, kMaxKeyframeCount + 1> mapped_count_;  // of a count, before scale_; of 0: 0
-  std::vector<float> query_;                               // [words] dense
+  std::array<Entry, 256> entries_;
+  std::vector<float> query_;  // [1 + words] dense, behind one that stands before the first
   std::vector<std::uint16_t> query_words_;
   std::vector<int> first_of_pair_;  // [pairs + 1]
   std::vector<float> scale_;        // [keyframes] h = scale * mapped count

@@ -59,29 +59,29 @@ Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
   std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
-  std::array<std::int32_t, kTileQueries * kTileRows> similarity;
-  std::array<std::uint32_t, kTileQueries> nearer;
+  DotTile::Likeness similarity;
   std::array<std::int32_t, kTileQueries> worst;  // of what the rankings hold
   std::array<Ranking, kTileQueries> rankings;
   assert(words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
+  const DotTile::Blocks blocks = {words_.data(), norm2_.data(),
+                                  static_cast<int>(norm2_.size()) / kTileRows};
   const int size = static_cast<int>(descriptors.size()) / dim_;
   auto out = words_out.begin();
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
     for (int i = 0; i < n; ++i) {
-      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_),
-                      &queries[i * tile_.query_bytes()]);
+      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), i, queries.data());
       rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
     }
     worst.fill(std::numeric_limits<std::int32_t>::max());
     std::fill_n(worst.begin(), n, std::numeric_limits<std::int32_t>::min());
-    for (int word = 0; word < static_cast<int>(norm2_.size()); word += kTileRows) {
-      tile_.Likeness(queries.data(), &words_[word / kTileRows * tile_.block_bytes()],
-                     norm2_.data() + word, worst.data(), similarity.data(), nearer.data());
+    for (int b = 0; b < blocks.size; ++b) {
+      b = tile_.FindAbove(queries.data(), blocks, b, worst.data(), similarity);
+      if (b == blocks.size) break;
       for (int i = 0; i < n; ++i) {
-        if (nearer[i] == 0) continue;
-        worst[i] = rankings[i].Take(words_per_descriptor, nearer[i],
-                                    similarity.data() + i * kTileRows, word);
+        if (similarity.above[i] == 0) continue;
+        worst[i] = rankings[i].Take(words_per_descriptor, similarity.above[i],
+                                    similarity.of_query[i], b * kTileRows);
       }
     }
     for (int i = 0; i < n; ++i) {

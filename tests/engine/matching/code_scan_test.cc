@@ -22,7 +22,7 @@ struct Blocks {
     for (std::uint16_t& n : norm2) n = static_cast<std::uint16_t>(random.Below(65536));
   }
 
-  std::int32_t Sum(const std::vector<std::int16_t>& table, int detail) const {
+  std::int32_t Sum(const std::vector<std::int32_t>& table, int detail) const {
     std::int32_t sum = 0;
     for (int p = 0; p < kParts; ++p) {
       const int row = (detail / kScanBlock * kParts + p) * kScanBlock;
@@ -35,11 +35,11 @@ struct Blocks {
   std::vector<std::uint16_t> norm2;
 };
 
-std::vector<std::int16_t> RandomTable(int limit, std::uint64_t seed) {
+std::vector<std::int32_t> RandomTable(int limit, std::uint64_t seed) {
   TestRandom random(seed);
-  std::vector<std::int16_t> table(kParts * kCodesOfPart);
-  for (std::int16_t& value : table) {
-    value = static_cast<std::int16_t>(static_cast<int>(random.Below(2 * limit + 1)) - limit);
+  std::vector<std::int32_t> table(kParts * kCodesOfPart);
+  for (std::int32_t& value : table) {
+    value = static_cast<std::int32_t>(random.Below(2 * limit + 1)) - limit;
   }
   return table;
 }
@@ -60,7 +60,7 @@ TEST(CodeScan, MissesNothing) {
     CodeScan scan(kParts, path);
     for (const int limit : {0, 1, 100, 127, 128, 1000, CodeScan::kMaxSum / kParts}) {
       const Blocks blocks(limit + 1);
-      const std::vector<std::int16_t> table = RandomTable(limit, limit);
+      const std::vector<std::int32_t> table = RandomTable(limit, limit);
       scan.SetTable(table.data());
       const std::int32_t lost = kParts * (limit / 64 + 1);
       for (const std::int32_t least : {-100'000, -33'000, -16'000, -1, 0, 2000, 33'000, 100'000}) {
@@ -90,9 +90,9 @@ TEST(CodeScan, TakesTheLargestEntries) {
   for (const CpuPath path : CpuPathsHere()) {
     if (!CodeScan::Has(path)) continue;
     const Blocks blocks(3);
-    std::vector<std::int16_t> table(kParts * kCodesOfPart, 0);
+    std::vector<std::int32_t> table(kParts * kCodesOfPart, 0);
     for (int c = 0; c < kCodesOfPart; ++c) {
-      table[c] = static_cast<std::int16_t>(c % 2 == 0 ? CodeScan::kMaxSum : -CodeScan::kMaxSum);
+      table[c] = c % 2 == 0 ? CodeScan::kMaxSum : -CodeScan::kMaxSum;
     }
     CodeScan scan(kParts, path);
     scan.SetTable(table.data());

@@ -3,19 +3,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <limits>
 #include <vector>
 
-#include "tests/engine/image/test_image.h"
+#include "tests/engine/matching/random_bytes.h"
 
 namespace viewfix {
 namespace {
-
-std::vector<std::int8_t> RandomBytes(int count, std::uint64_t seed) {
-  TestRandom random(seed);
-  std::vector<std::int8_t> bytes(count);
-  for (std::int8_t& byte : bytes) byte = static_cast<std::int8_t>(random.Below(256) - 128);
-  return bytes;
-}
 
 // Queries and rows of one tile, packed.
 struct Packed {
@@ -26,14 +21,12 @@ struct Packed {
 // Over what was there before.
 Packed Pack(const DotTile& tile, const std::vector<std::int8_t>& queries,
             const std::vector<std::int8_t>& rows, int dim) {
-  Packed packed = {std::vector<std::uint8_t>(kTileQueries * tile.query_bytes(), 99),
+  Packed packed = {std::vector<std::uint8_t>(tile.tile_bytes(), 99),
                    std::vector<std::uint8_t>(tile.block_bytes(), 99)};
   const auto part = [dim](const std::vector<std::int8_t>& all, int i) {
     return std::span(all).subspan(i * dim, dim);
   };
-  for (int q = 0; q < kTileQueries; ++q) {
-    tile.PackQuery(part(queries, q), &packed.queries[q * tile.query_bytes()]);
-  }
+  for (int q = 0; q < kTileQueries; ++q) tile.PackQuery(part(queries, q), q, packed.queries.data());
   for (int r = 0; r < kTileRows; ++r) tile.PackRow(part(rows, r), r, packed.block.data());
   return packed;
 }
@@ -70,31 +63,63 @@ TEST(DotTile, HoldsTheLargestSums) {
   ExpectExactProducts(queries, rows, dim);
 }
 
-TEST(DotTile, ComparesLikenessWithEachQuerysLimit) {
-  constexpr int kDim = 9;
+TEST(DotTile, WritesProductsApart) {
+  constexpr int kDim = 12, kStride = 2 * kTileRows;
   const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
   const std::vector<std::int8_t> rows = RandomBytes(kTileRows * kDim, 4);
-  std::vector<std::int32_t> norm2(kTileRows);
-  for (int r = 0; r < kTileRows; ++r) norm2[r] = 1000 * r;
   for (const CpuPath path : CpuPathsHere()) {
     const DotTile tile(kDim, path);
     const Packed packed = Pack(tile, queries, rows, kDim);
-    std::vector<std::int32_t> products(kTileQueries * kTileRows), likeness(products.size());
-    tile.Products(packed.queries.data(), packed.block.data(), products.data());
-    std::vector<std::int32_t> limits(kTileQueries);
-    for (int q = 0; q < kTileQueries; ++q) {  // what one of the rows reaches, and none
-      limits[q] = q == 0 ? 1 << 30 : 2 * products[q * kTileRows + q] - norm2[q];
-    }
-    std::vector<std::uint32_t> above(kTileQueries);
-    tile.Likeness(packed.queries.data(), packed.block.data(), norm2.data(), limits.data(),
-                  likeness.data(), above.data());
+    std::vector<std::int32_t> together(kTileQueries * kTileRows), apart(kTileQueries * kStride, 99);
+    tile.Products(packed.queries.data(), packed.block.data(), together.data());
+    tile.Products(packed.queries.data(), packed.block.data(), apart.data(), kStride);
     for (int q = 0; q < kTileQueries; ++q) {
-      for (int r = 0; r < kTileRows; ++r) {
-        const int expected = 2 * products[q * kTileRows + r] - norm2[r];
-        ASSERT_EQ(likeness[q * kTileRows + r], expected) << static_cast<int>(path);
-        ASSERT_EQ(above[q] >> r & 1U, expected > limits[q] ? 1U : 0U) << q << " " << r;
+      for (int r = 0; r < kStride; ++r) {
+        ASSERT_EQ(apart[q * kStride + r], r < kTileRows ? together[q * kTileRows + r] : 99);
       }
     }
+  }
+}
+
+TEST(DotTile, FindsTheBlocksThatAreAboveALimit) {
+  constexpr int kDim = 9, kBlocks = 4;
+  const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
+  std::vector<std::int32_t> norm2(kBlocks * kTileRows);
+  for (int r = 0; r < kBlocks * kTileRows; ++r) norm2[r] = 1000 * (r % kTileRows);
+  for (const CpuPath path : CpuPathsHere()) {
+    const DotTile tile(kDim, path);
+    std::vector<std::uint8_t> rows;
+    Packed packed;
+    std::vector<std::vector<std::int32_t>> products(kBlocks);
+    for (int b = 0; b < kBlocks; ++b) {
+      packed = Pack(tile, queries, RandomBytes(kTileRows * kDim, b == 2 ? 5 : 6), kDim);
+      rows.insert(rows.end(), packed.block.begin(), packed.block.end());
+      products[b].resize(kTileQueries * kTileRows);
+      tile.Products(packed.queries.data(), packed.block.data(), products[b].data());
+    }
+    const auto likeness_of = [&](int b, int q, int r) {
+      return 2 * products[b][q * kTileRows + r] - norm2[r];
+    };
+    // None reaches the limits but in block 2, whose rows are others; one query has no limit there.
+    std::vector<std::int32_t> limits(kTileQueries, std::numeric_limits<std::int32_t>::min());
+    for (int q = 0; q < kTileQueries; ++q) {
+      for (int r = 0; r < kTileRows; ++r) limits[q] = std::max(limits[q], likeness_of(0, q, r));
+    }
+    limits[1] = std::numeric_limits<std::int32_t>::max();
+    DotTile::Likeness likeness;
+    const DotTile::Blocks blocks = {rows.data(), norm2.data(), kBlocks};
+    const auto find = [&](int begin) {
+      return tile.FindAbove(packed.queries.data(), blocks, begin, limits.data(), likeness);
+    };
+    ASSERT_EQ(find(3), kBlocks) << static_cast<int>(path);
+    ASSERT_EQ(find(0), 2) << static_cast<int>(path);
+    for (int q = 0; q < kTileQueries; ++q) {
+      for (int r = 0; r < kTileRows; ++r) {
+        ASSERT_EQ(likeness.of_query[q][r], likeness_of(2, q, r)) << static_cast<int>(path);
+        ASSERT_EQ(likeness.above[q] >> r & 1U, likeness_of(2, q, r) > limits[q] ? 1U : 0U);
+      }
+    }
+    ASSERT_EQ(find(2), 2);
   }
 }
 
