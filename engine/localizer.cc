@@ -205,10 +205,10 @@ struct Localizer::State {
   int BestOtherLocation(const Fix& fix) const;
   void Score(Fix& fix);
   void FindRivals(Fix& fix) const;
-  void Decide(float share, Fix& fix) const;
-  float ConfidenceOf(float margin, float share) const;
+  void Decide(int close_votes, Fix& fix) const;
+  float ConfidenceOf(float margin, int close_votes) const;
   std::optional<float> MarginAtLevel(const Fix& fix, int level) const;
-  bool DecideAtLevel(float share, Fix& fix) const;
+  bool DecideAtLevel(int close_votes, Fix& fix) const;
   std::span<const ProposedKeyframe> PromisingKeyframes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
@@ -329,10 +329,10 @@ void Localizer::State::FindRivals(Fix& fix) const {
   }
 }
 
-//   share  of all evidence, where details give it (matching/place_evidence.h)
-float Localizer::State::ConfidenceOf(float margin, float share) const {
+//   close_votes  for the guess, where details give them (matching/place_evidence.h)
+float Localizer::State::ConfidenceOf(float margin, int close_votes) const {
   const ModelConfidence& curve = model.confidence();
-  const float lead = LeadOf(margin, share, model.details().share_weight);
+  const float lead = LeadOf(margin, close_votes, model.details().close_weight);
   return static_cast<float>(1.0 /
                             (1.0 + Exp(-(double{curve.offset} + double{curve.slope} * lead))));
 }
@@ -352,12 +352,12 @@ std::optional<float> Localizer::State::MarginAtLevel(const Fix& fix, int level) 
 }
 
 // Where areas of one floor look alike, but like those of no other floor, the floor is answered. The
-// share is still the area's: what all areas of a large floor have together says little.
-bool Localizer::State::DecideAtLevel(float share, Fix& fix) const {
+// close details are still the area's: what all areas of a large floor have together says little.
+bool Localizer::State::DecideAtLevel(int close_votes, Fix& fix) const {
   for (int level = LevelsOf(model.location_name(fix.location_idx)) - 1; level > 0; --level) {
     const std::optional<float> margin = MarginAtLevel(fix, level);
     if (!margin) continue;
-    const float confidence = ConfidenceOf(*margin, share);
+    const float confidence = ConfidenceOf(*margin, close_votes);
     if (!(confidence >= model.confidence().threshold)) continue;
     fix.level = level;
     fix.confidence = confidence;
@@ -366,12 +366,12 @@ bool Localizer::State::DecideAtLevel(float share, Fix& fix) const {
   return false;
 }
 
-void Localizer::State::Decide(float share, Fix& fix) const {
-  fix.confidence = ConfidenceOf(fix.margin, share);
+void Localizer::State::Decide(int close_votes, Fix& fix) const {
+  fix.confidence = ConfidenceOf(fix.margin, close_votes);
   fix.localized = fix.confidence >= model.confidence().threshold;
   if (fix.localized) return;
   fix.reasons |= fix.num_rivals > 0 ? kAmbiguous : kUnknownPlace;
-  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(share, fix);
+  if (fix.num_rivals > 0) fix.localized = DecideAtLevel(close_votes, fix);
 }
 
 // Keyframes by their pair's score and their own similarity, best first: the rule that chooses
@@ -583,6 +583,7 @@ void Localizer::State::LocateByDetails(Fix& fix) {
   LikenessOfLocations(model.scoring(), model.keyframes(), keyframe_similarities, likeness);
   ScorePlaces(places->evidence(), likeness, model.details().likeness_weight, place_scores);
   const BestPlace best = FindBestPlace(places->evidence(), place_scores);
+  int close_votes = 0;
   last_place = best.location_idx;
   fix.margin = best.margin;
   if (best.location_idx >= 0) {
@@ -591,10 +592,11 @@ void Localizer::State::LocateByDetails(Fix& fix) {
     fix.score = pair_scores[fix.pair_idx];
     fix.keyframe_idx = NearestKeyframe(fix.pair_idx);
     fix.num_inliers = places->votes()[fix.location_idx];
+    close_votes = places->close_votes()[fix.location_idx];
     fix.evidence = places->evidence()[fix.location_idx];
     FindDetailRivals(fix);
   }
-  Decide(best.share, fix);
+  Decide(close_votes, fix);
   if (!fix.localized && fix.num_rivals == 0) fix.reasons |= kLowInliers;
 }
 

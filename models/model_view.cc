@@ -391,7 +391,7 @@ Status ModelView::LoadDetails() {
   }
   details_ = {static_cast<int>(size), d->parts(),       Span(d->rotation()),
               Span(d->codebook()),    list_size,        Span(d->codes()),
-              d->likeness_weight(),   d->share_weight()};
+              d->likeness_weight(),   d->close_weight()};
   const ModelDetails& m = details_;
   const std::size_t turned_dim = m.rotation.size() / dim;
   const bool tables = m.parts >= 1 && turned_dim >= 1 && turned_dim <= dim &&
@@ -401,7 +401,7 @@ Status ModelView::LoadDetails() {
   if (!tables) return Corrupt("model's detail tables have wrong sizes");
   const auto is_weight = [](float weight) { return std::isfinite(weight) && weight >= 0; };
   if (!is_weight(m.likeness_weight)) return Corrupt("model's weight of likeness is out of range");
-  if (!is_weight(m.share_weight)) return Corrupt("model's weight of shares is out of range");
+  if (!is_weight(m.close_weight)) return Corrupt("model's weight of close details is out of range");
   return {};
 }
 

@@ -19,7 +19,7 @@ namespace viewfix {
 //   24 reserved         8 bytes, zero
 //   32 hash             32 bytes: BLAKE2b-256 of bytes 0..31 and the payload
 inline constexpr std::array<std::uint8_t, 8> kModelMagic = {'V', 'I', 'E', 'W', 'F', 'I', 'X', 0};
-inline constexpr std::uint32_t kModelFormatVersion = 2;
+inline constexpr std::uint32_t kModelFormatVersion = 3;
 inline constexpr std::size_t kModelHeaderBytes = 64;
 inline constexpr std::size_t kModelHashOffset = 32;
 inline constexpr std::size_t kModelHashBytes = 32;
@@ -138,7 +138,7 @@ struct ModelDetails {
   std::span<const std::uint8_t> list_size;  // [locations + 1, 2 words]
   std::span<const std::uint8_t> codes;      // [size, parts]
   float likeness_weight = 0;
-  float share_weight = 0;
+  float close_weight = 0;
 };
 
 // x = a px + b py + tx, y = b px - a py + ty, metres.

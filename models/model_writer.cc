@@ -120,7 +120,7 @@ flatbuffers::Offset<fb::Details> BuildDetails(flatbuffers::FlatBufferBuilder& b,
   const auto list_size = b.CreateVector(d.list_size);
   const auto codes = b.CreateVector(d.codes);
   return fb::CreateDetails(b, static_cast<std::uint8_t>(d.parts), rotation, codebook, list_size,
-                           codes, d.likeness_weight, d.share_weight);
+                           codes, d.likeness_weight, d.close_weight);
 }
 
 flatbuffers::Offset<fb::GoldenQueries> BuildGolden(flatbuffers::FlatBufferBuilder& b,
@@ -275,7 +275,7 @@ void UnpackExtras(const ModelView& m, ModelData& d) {
   if (m.has_details()) {
     const ModelDetails& t = m.details();
     d.details = {t.parts,        Owned(t.rotation), Owned(t.codebook), Owned(t.list_size),
-                 Owned(t.codes), t.likeness_weight, t.share_weight};
+                 Owned(t.codes), t.likeness_weight, t.close_weight};
   }
   const ModelGolden& g = m.golden();
   if (g.size == 0) return;

@@ -72,7 +72,7 @@ struct ModelData {
     std::vector<std::uint8_t> list_size;
     std::vector<std::uint8_t> codes;
     float likeness_weight = 0;
-    float share_weight = 0;
+    float close_weight = 0;
   } details;
   // No pairs: none.
   struct GoldenData {

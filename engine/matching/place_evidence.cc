@@ -15,6 +15,7 @@ namespace viewfix {
 namespace {
 
 constexpr std::int32_t kFar2 = PlaceEvidence::kFar * PlaceEvidence::kFar;
+constexpr std::int32_t kClose2 = PlaceEvidence::kClose * PlaceEvidence::kClose;
 constexpr int kFirstBlocks = 1;  // of a list, scanned at once
 constexpr std::int32_t kLong2 = std::numeric_limits<std::uint16_t>::max();
 
@@ -92,6 +93,7 @@ PlaceEvidence::PlaceEvidence(std::span<const std::int8_t> words, int dim,
       turned_(std::size_t(max_features) * dim_),
       evidence_(num_locations + 1, 0.0F),
       votes_(num_locations + 1, 0),
+      close_votes_(num_locations + 1, 0),
       choices_(max_features, -1) {
   const std::size_t blocks = (std::size_t(details.size) + kScanBlock - 1) / kScanBlock;
   codes_.resize(blocks * kScanBlock * details.parts);
@@ -232,6 +234,7 @@ int PlaceEvidence::Vote() {
   const float gap = static_cast<float>(nearest_.second_distance2 - nearest_.distance2) / kUnit;
   evidence_[nearest_.location] += gap * std::sqrt(gap);
   ++votes_[nearest_.location];
+  if (nearest_.distance2 < kClose2) ++close_votes_[nearest_.location];
   return nearest_.location;
 }
 
@@ -241,6 +244,7 @@ void PlaceEvidence::Weigh(std::span<const std::int8_t> descriptors,
                           int hidden) {
   std::fill(evidence_.begin(), evidence_.end(), 0.0F);
   std::fill(votes_.begin(), votes_.end(), 0);
+  std::fill(close_votes_.begin(), close_votes_.end(), 0);
   turner_.Turn(descriptors, turned_.data());
   const std::size_t size = keypoints.size();
   std::size_t w = 0;
@@ -288,10 +292,12 @@ BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> 
     if (&score == &scores[best.location_idx]) continue;
     if (other == nullptr || score > *other) other = &score;
   }
-  best.share =
-      evidence[best.location_idx] / std::accumulate(evidence.begin(), evidence.end(), 0.0F);
   best.margin = other == nullptr ? 0.0F : std::max(scores[best.location_idx] - *other, 0.0F);
   return best;
+}
+
+float LeadOf(float margin, int close_votes, float close_weight) {
+  return margin + close_weight * std::sqrt(static_cast<float>(close_votes));
 }
 
 }  // namespace viewfix

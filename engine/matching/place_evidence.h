@@ -54,6 +54,8 @@ class PlaceEvidence {
  public:
   // Details farther than this, of descriptors of length 127, are no match.
   static constexpr std::int32_t kFar = 60;
+  // Details closer than this are likely the feature's own, seen before.
+  static constexpr std::int32_t kClose = 40;
   // g of one unit, in squared distances.
   static constexpr float kUnit = 1000;
 
@@ -73,6 +75,8 @@ class PlaceEvidence {
   // Of the last Weigh(): e_l of every location, and how many features spoke for it.
   std::span<const float> evidence() const { return {evidence_.data(), std::size_t(common_)}; }
   std::span<const int> votes() const { return {votes_.data(), std::size_t(common_)}; }
+  // How many of those have a detail closer than kClose.
+  std::span<const int> close_votes() const { return {close_votes_.data(), std::size_t(common_)}; }
 
   // [max_features] the location that each of the n features spoke for, one behind the last for the
   // common details; -1: none.
@@ -121,6 +125,7 @@ class PlaceEvidence {
   Nearest nearest_;                        // the same
   std::vector<float> evidence_;            // [locations + 1]
   std::vector<int> votes_;                 // [locations + 1]
+  std::vector<int> close_votes_;           // [locations + 1]
   std::vector<int> choices_;               // [features]
 };
 
@@ -130,20 +135,18 @@ class PlaceEvidence {
 void ScorePlaces(std::span<const float> evidence, std::span<const float> likeness,
                  float likeness_weight, std::span<float> scores);
 
-// The location of which evidence speaks and whose score is highest, the lead over the best other,
-// and its share of all evidence, 0..1: a place that the model does not know is like many a little.
-// The lowest index among equals; -1 and 0 where there is no evidence.
+// The location of which evidence speaks and whose score is highest, and the lead over the best
+// other. The lowest index among equals; -1 and 0 where there is no evidence.
 struct BestPlace {
   int location_idx = -1;
   float margin = 0;
-  float share = 0;
 };
 BestPlace FindBestPlace(std::span<const float> evidence, std::span<const float> scores);
 
-// What the confidence is a curve of.
-//   share_weight  what all of the evidence counts for, in units of the margin
-inline float LeadOf(float margin, float share, float share_weight) {
-  return margin + share_weight * share;
-}
+// What the confidence is a curve of: a place that the model does not know may lead, but few of its
+// features are close to details.
+//   close_votes   of the best place
+//   close_weight  what their root counts for, in units of the margin
+float LeadOf(float margin, int close_votes, float close_weight);
 
 }  // namespace viewfix

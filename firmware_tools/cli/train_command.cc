@@ -36,6 +36,7 @@ struct TrainFlags {
   double beta = 0;
   bool features_given = false;
   bool max_features_given = false;
+  double max_wrong = 0;  // percent; 0: not given
   double details_mb = static_cast<double>(DetailOptions().max_bytes) / 1e6;
   TrainOptions options;
 };
@@ -79,6 +80,12 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   options.model_map.jobs = options.jobs;
   options.details.jobs = options.jobs;
   options.details.max_bytes = static_cast<std::size_t>(flags.details_mb * 1e6);
+  if (flags.max_wrong > 0) {
+    const double share = flags.max_wrong / 100;
+    options.wrong_share = share;
+    options.details.wrong_share = share;
+    options.pose_confidence.wrong_share = share;
+  }
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
@@ -277,6 +284,12 @@ void AddTrain(CLI::App& app) {
           "no landmarks; 0: none")
       ->check(CLI::Range(0.0, 1000.0))
       ->capture_default_str();
+  command
+      ->add_option("--max-wrong", flags->max_wrong,
+                   "percent of the answers that may be wrong, by held-out photographs: the fewer, "
+                   "the fewer frames are answered; if not given 0.7 where details tell places "
+                   "apart, 5 by scores alone, 0.5 of poses")
+      ->check(CLI::Range(0.01, 50.0));
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))
       ->capture_default_str();

@@ -150,7 +150,7 @@ class Merger {
     const std::size_t lists = own.list_size.size() / (model_.locations.size() + 1);
     // The weights stay those that the confidence was fitted with.
     ModelData::DetailsData merged{own.parts, own.rotation,        own.codebook,    {},
-                                  {},        own.likeness_weight, own.share_weight};
+                                  {},        own.likeness_weight, own.close_weight};
     for (int l = 0; l < static_cast<int>(base_location_.size()); ++l) {
       const bool kept = base_location_[l] >= 0;
       AddDetailsOf(kept ? theirs : own, lists, kept ? base_location_[l] : l, merged);

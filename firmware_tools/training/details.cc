@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kCodebookSamples = 60'000;
 constexpr double kMergeStep = 5;
 constexpr double kMergeBeforeShorter = 3 * kMergeStep;  // further, and codes are shortened instead
-constexpr int kParts[] = {8, 6, 4};  // bytes of a code to try, the longest first
+constexpr int kParts[] = {8, 6, 4};                     // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
 struct Feature {
@@ -80,28 +80,44 @@ std::vector<std::int8_t> BalancedRotation(const Eigen::MatrixXd& covariance, int
 // What the evidence of a held-out frame was, with its own location and, as if the frame were of a
 // place that the model does not know, without it.
 struct HeldOutFrame {
-  std::vector<float> evidence;            // [locations]
-  std::vector<float> likeness;            // [locations]
-  std::vector<float> evidence_elsewhere;  // [locations]
-  int location_idx = -1;                  // the right one; -1: the frame was not asked
+  struct Said {
+    std::vector<float> evidence;   // [locations]
+    std::vector<int> close_votes;  // [locations]
+  };
+  Said known;
+  Said elsewhere;
+  std::vector<float> likeness;  // [locations]
+  int location_idx = -1;        // the right one; -1: the frame was not asked
 };
 
 // Of ScorePlaces() and LeadOf().
 struct PlaceWeights {
   float likeness = 0;
-  float share = 0;
+  float close = 0;
 };
+
+// The best place by what was said, and what its confidence is a curve of.
+struct Guess {
+  int location_idx;
+  double lead;
+};
+
+Guess GuessOf(const HeldOutFrame::Said& said, std::span<const float> likeness,
+              const PlaceWeights& weights) {
+  std::vector<float> scores(likeness.size());
+  ScorePlaces(said.evidence, likeness, weights.likeness, scores);
+  const BestPlace best = FindBestPlace(said.evidence, scores);
+  const int close_votes = best.location_idx < 0 ? 0 : said.close_votes[best.location_idx];
+  return {best.location_idx, double{LeadOf(best.margin, close_votes, weights.close)}};
+}
 
 std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
                                 const PlaceWeights& weights) {
   std::vector<Outcome> outcomes;
   for (const HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
-    std::vector<float> scores(frame.evidence.size());
-    ScorePlaces(frame.evidence, frame.likeness, weights.likeness, scores);
-    const BestPlace best = FindBestPlace(frame.evidence, scores);
-    outcomes.push_back({double{LeadOf(best.margin, best.share, weights.share)},
-                        best.location_idx == frame.location_idx});
+    const Guess guess = GuessOf(frame.known, frame.likeness, weights);
+    outcomes.push_back({guess.lead, guess.location_idx == frame.location_idx});
   }
   return outcomes;
 }
@@ -113,12 +129,11 @@ std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames,
   std::vector<Outcome> outcomes;
   for (HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
-    frame.evidence_elsewhere.erase(frame.evidence_elsewhere.begin() + frame.location_idx);
+    HeldOutFrame::Said& said = frame.elsewhere;
+    said.evidence.erase(said.evidence.begin() + frame.location_idx);
+    said.close_votes.erase(said.close_votes.begin() + frame.location_idx);
     frame.likeness.erase(frame.likeness.begin() + frame.location_idx);
-    std::vector<float> scores(frame.likeness.size());
-    ScorePlaces(frame.evidence_elsewhere, frame.likeness, weights.likeness, scores);
-    const BestPlace best = FindBestPlace(frame.evidence_elsewhere, scores);
-    outcomes.push_back({double{LeadOf(best.margin, best.share, weights.share)}, false, weight});
+    outcomes.push_back({GuessOf(said, frame.likeness, weights).lead, false, weight});
   }
   return outcomes;
 }
@@ -140,16 +155,16 @@ float ChooseWeight(std::span<const float> tried, const OutcomesAt& outcomes_at) 
 }
 
 // The weights with which it is told best whether the location is right: likeness among known
-// locations, then shares, known locations from hidden ones. Both at once would let the rare hidden
-// frames say how known ones are told apart.
+// locations, then close details, known locations from hidden ones. Both at once would let the rare
+// hidden frames say how known ones are told apart.
 PlaceWeights ChooseWeights(const std::vector<HeldOutFrame>& frames, double hidden_weight) {
   constexpr float kLikeness[] = {0.0F, 1.5F, 3.0F, 4.5F, 6.0F, 9.0F};
-  constexpr float kShare[] = {0.0F, 1.0F, 2.0F, 3.0F, 4.0F, 6.0F, 8.0F, 12.0F};
+  constexpr float kClose[] = {0.0F, 0.1F, 0.2F, 0.3F, 0.4F, 0.5F, 0.6F, 0.8F, 1.0F};
   PlaceWeights weights;
   weights.likeness = ChooseWeight(
       kLikeness, [&](float likeness) { return OutcomesOf(frames, {.likeness = likeness}); });
-  weights.share = ChooseWeight(kShare, [&](float share) {
-    const PlaceWeights tried = {weights.likeness, share};
+  weights.close = ChooseWeight(kClose, [&](float close) {
+    const PlaceWeights tried = {weights.likeness, close};
     std::vector<Outcome> outcomes = OutcomesOf(frames, tried);
     const auto elsewhere = OutcomesElsewhere(frames, tried, hidden_weight);
     outcomes.insert(outcomes.end(), elsewhere.begin(), elsewhere.end());
@@ -184,7 +199,7 @@ class DetailTrainer {
       const std::vector<HeldOutFrame> frames = HoldOut(merge);
       const PlaceWeights weights = ChooseWeights(frames, options_.hidden_weight);
       table.likeness_weight = weights.likeness;
-      table.share_weight = weights.share;
+      table.close_weight = weights.close;
       trained.held_out = OutcomesOf(frames, weights);
       trained.elsewhere = OutcomesElsewhere(frames, weights, 1);
       trained.table = std::move(table);
@@ -489,15 +504,16 @@ class DetailTrainer {
       ParallelForWorkers(NumSamples(), options_.jobs, [&](int s, int worker) {
         if (used[s]) return;
         PlaceEvidence& weigher = *weighers[worker];
-        weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
-                      source_.words_per_feature);
-        HeldOutFrame& frame = frames[s];
-        frame.evidence.assign(weigher.evidence().begin(), weigher.evidence().end());
-        frame.likeness = LikenessOf(s, used);
-        frame.location_idx = source_.locations[s];
-        weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
-                      source_.words_per_feature, frame.location_idx);
-        frame.evidence_elsewhere.assign(weigher.evidence().begin(), weigher.evidence().end());
+        const auto said = [&](int hidden) {
+          weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
+                        source_.words_per_feature, hidden);
+          const auto evidence = weigher.evidence();
+          const auto close_votes = weigher.close_votes();
+          return HeldOutFrame::Said{{evidence.begin(), evidence.end()},
+                                    {close_votes.begin(), close_votes.end()}};
+        };
+        const int location = source_.locations[s];
+        frames[s] = {said(-1), said(location), LikenessOf(s, used), location};
       });
     }
     return frames;

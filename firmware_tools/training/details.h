@@ -31,12 +31,12 @@ struct DetailOptions {
   int parts = 0;
   // Frames held out at a time: each folds-th of a location.
   int folds = 5;
-  // Share of the answers that may be wrong, by held-out frames. Of frames that lie no farther from
-  // the images left than these, fewer will be: with each fifth of the IE Tower's training images put
-  // aside, 0.015 made 1.2 % of the answers to those wrong (3 of 248), 0.012 0.8 % (2 of 241).
-  double wrong_share = 0.012;
+  // Share, 0..1, of the answers that may be wrong, by held-out frames. With a fifth of the IE
+  // Tower's images put aside in four ways, 0.01 made 1.3 % of the answers to those wrong (16 of
+  // 1197), 0.007 0.9 % (11 of 1169).
+  double wrong_share = 0.007;
   // What a frame of a location that is hidden counts for, where one of a known location counts one,
-  // when the weight of shares is chosen.
+  // when the weight of close details is chosen.
   double hidden_weight = 0.1;
   int jobs = 0;  // 0: all cores
 };
@@ -58,7 +58,7 @@ struct DetailSource {
 struct TrainedDetails {
   ModelData::DetailsData table;  // no codes: too few features, or none asked for
   // Each frame as if it had not been in the set, one of `folds` of a location's, while those
-  // around it were; locations of one image are left out. Margins with what shares add.
+  // around it were; locations of one image are left out. Margins with what close details add.
   std::vector<Outcome> held_out;
   // The same frames as if their locations were hidden: every answer would be wrong.
   std::vector<Outcome> elsewhere;

@@ -213,6 +213,9 @@ Json Record(const ImageSet& set, const TrainOptions& options, const Preparation&
   record["words"] = options.num_words;
   record["seed"] = options.seed;
   record["folds"] = options.folds;
+  record["wrong_shares"] = {{"scores", options.wrong_share},
+                            {"details", options.details.wrong_share},
+                            {"poses", options.pose_confidence.wrong_share}};
   record["chosen"] = ToJson(tried.front());
   record["tried"] = Json::array();
   for (const HeldOut& result : tried) record["tried"].push_back(ToJson(result));
@@ -321,14 +324,14 @@ Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confide
   const auto right = std::ranges::count_if(details.held_out, &Outcome::right);
   return {{"details", details.table.codes.size() / details.table.parts},
           {"likeness_weight", details.table.likeness_weight},
-          {"share_weight", details.table.share_weight},
+          {"close_weight", details.table.close_weight},
           {"held_out", details.held_out.size()},
           {"right", right},
           {"answered", ShareAnswered(details.held_out, confidence)},
           {"elsewhere_answered", ShareAnswered(details.elsewhere, confidence)}};
 }
 
-// What they tell decides, so that the confidence is a curve of their margin and share. Returns how
+// What they tell decides, so that the confidence is a curve of their lead. Returns how
 // they fared.
 TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& options,
                           const StageProgress& stages, ModelData& model) {

@@ -163,7 +163,7 @@ TEST(ModelView, ReadsDetails) {
   EXPECT_THAT(details.list_size, ::testing::ElementsAreArray(data.details.list_size));
   EXPECT_THAT(details.codes, ::testing::ElementsAreArray(data.details.codes));
   EXPECT_EQ(details.likeness_weight, data.details.likeness_weight);
-  EXPECT_EQ(details.share_weight, data.details.share_weight);
+  EXPECT_EQ(details.close_weight, data.details.close_weight);
 }
 
 // Words, and how often each occurs, of keyframe k.
@@ -521,8 +521,8 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"list_too_short", [](ModelData& d) { d.details.list_size[1] = 0; }},
         Broken{"likeness_negative", [](ModelData& d) { d.details.likeness_weight = -1; }},
         Broken{"likeness_nan", [](ModelData& d) { d.details.likeness_weight = kNan; }},
-        Broken{"share_weight_negative", [](ModelData& d) { d.details.share_weight = -1; }},
-        Broken{"share_weight_nan", [](ModelData& d) { d.details.share_weight = kNan; }},
+        Broken{"close_weight_negative", [](ModelData& d) { d.details.close_weight = -1; }},
+        Broken{"close_weight_nan", [](ModelData& d) { d.details.close_weight = kNan; }},
         Broken{"codes_short", [](ModelData& d) { d.details.codes.pop_back(); }},
         Broken{"codes_of_nothing", [](ModelData& d) { d.details.codes.push_back(0); }}),
     [](const auto& param) { return param.param.name; });

@@ -128,7 +128,7 @@ void AddTinyDetails(ModelData& data) {
   data.details.codes.resize(data.details.list_size.size() * 8);
   for (std::uint8_t& code : data.details.codes) code = static_cast<std::uint8_t>(random());
   data.details.likeness_weight = 1.5F;
-  data.details.share_weight = 2;
+  data.details.close_weight = 2;
 }
 
 ModelData ColourModelData() {

@@ -282,26 +282,30 @@ TEST_F(LocalizerTest, WhereDetailsOfOneFloorsAreasAreSeenTheFloorIsSaid) {
   EXPECT_GT(fix->rival_evidence, fix->evidence / 2);
 }
 
-// The logit grows by slope * share_weight * share, the area's, where its floor is said, too.
-TEST_F(LocalizerTest, ConfidenceGrowsWithTheShareOfAllEvidence) {
+// The logit grows by slope * close_weight * sqrt(close votes), the area's, where its floor is said,
+// too. All details are the features themselves.
+TEST_F(LocalizerTest, ConfidenceGrowsWithTheVotesOfCloseDetails) {
   const auto pixels = Blocks(320, 240, 1);
-  const auto fix_with = [&](float share_weight, int every) {
+  const auto fix_with = [&](float close_weight, int every) {
     ModelData data = WithDetailsOf(pixels, TwoFloors(0), [&](int i) { return i % every; });
     data.confidence = {.offset = -2, .slope = 0.125F, .threshold = 0.3F};
-    data.details.share_weight = share_weight;
+    data.details.close_weight = close_weight;
     Localizer localizer = Make(data);
     return *localizer.Localize({pixels.data(), 320, 240, 320});
   };
   const auto logit_of = [](const Fix& fix) {
     return std::log(fix.confidence / (1 - fix.confidence));
   };
-  EXPECT_NEAR(logit_of(fix_with(8, 1)) - logit_of(fix_with(0, 1)), 0.125F * 8, 1e-2);
-  const Fix without = fix_with(0, 2), with = fix_with(4, 2);  // two areas of one floor
+  const auto expect_grown = [&](const Fix& without, const Fix& with, float weight) {
+    EXPECT_NEAR(logit_of(with) - logit_of(without),
+                0.125F * weight * std::sqrt(static_cast<float>(with.num_inliers)), 1e-2);
+  };
+  expect_grown(fix_with(0, 1), fix_with(0.5F, 1), 0.5F);
+  const Fix without = fix_with(0, 2), with = fix_with(0.5F, 2);  // two areas of one floor
   EXPECT_EQ(without.level, 1);
   EXPECT_EQ(with.level, 1);
-  const float share = with.evidence / (with.evidence + with.rival_evidence);
-  EXPECT_LT(share, 0.8F);
-  EXPECT_NEAR(logit_of(with) - logit_of(without), 0.125F * 4 * share, 1e-2);
+  EXPECT_LT(with.num_inliers, with.num_features * 3 / 4);
+  expect_grown(without, with, 0.5F);
 }
 
 TEST_F(LocalizerTest, DetailsDecide) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <random>
 #include <vector>
 
@@ -53,10 +54,15 @@ struct Site {
     return sum;
   }
 
+  struct Said {
+    std::vector<float> evidence;
+    std::vector<int> close_votes;
+  };
   // As the header says it, over whole descriptors.
-  std::vector<float> Expected(const std::vector<std::int8_t>& descriptors,
-                              const std::vector<Keypoint>& keypoints) const {
+  Said Expected(const std::vector<std::int8_t>& descriptors,
+                const std::vector<Keypoint>& keypoints) const {
     std::vector<float> evidence(kLocations + 1, 0);
+    std::vector<int> close_votes(kLocations + 1, 0);
     for (std::size_t q = 0; q < keypoints.size(); ++q) {
       std::vector<std::int32_t> nearest(kLocations + 1, PlaceEvidence::kFar * PlaceEvidence::kFar);
       for (int d = 0; d < kDetails; ++d) {
@@ -74,9 +80,12 @@ struct Site {
       std::sort(sorted.begin(), sorted.end());
       const float gap = static_cast<float>(sorted[1] - sorted[0]) / PlaceEvidence::kUnit;
       evidence[best - nearest.begin()] += gap * std::sqrt(gap);
+      constexpr std::int32_t kClose2 = PlaceEvidence::kClose * PlaceEvidence::kClose;
+      if (gap > 0 && *best < kClose2) ++close_votes[best - nearest.begin()];
     }
     evidence.pop_back();  // the common details speak for nobody
-    return evidence;
+    close_votes.pop_back();
+    return {evidence, close_votes};
   }
 
   std::vector<std::int8_t> words;
@@ -105,8 +114,9 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
     PlaceEvidence evidence = site.Evidence(path);
     for (int round = 0; round < 2; ++round) {  // nothing is left over from the first
       evidence.Weigh(descriptors, keypoints, words, 2);
-      EXPECT_THAT(evidence.evidence(),
-                  ::testing::ElementsAreArray(site.Expected(descriptors, keypoints)));
+      const Site::Said expected = site.Expected(descriptors, keypoints);
+      EXPECT_THAT(evidence.evidence(), ::testing::ElementsAreArray(expected.evidence));
+      EXPECT_THAT(evidence.close_votes(), ::testing::ElementsAreArray(expected.close_votes));
       for (int l = 0; l < kLocations; ++l) {
         EXPECT_EQ(std::count(evidence.choices().begin(),
                              evidence.choices().begin() + static_cast<int>(keypoints.size()), l),
@@ -114,6 +124,9 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
       }
     }
     EXPECT_GT(*std::max_element(evidence.evidence().begin(), evidence.evidence().end()), 0);
+    const auto close = evidence.close_votes();
+    EXPECT_GT(std::accumulate(close.begin(), close.end(), 0), 0);
+    EXPECT_FALSE(std::ranges::equal(close, evidence.votes()));  // some are far
   }
 }
 
@@ -263,7 +276,6 @@ TEST(PlaceEvidence, WhatEveryLocationHasSaysNothing) {
   evidence.Weigh(QueryOf(site, 0), std::vector<Keypoint>(1), kBothWords, 2);
   EXPECT_THAT(evidence.evidence(), Each(0));
   EXPECT_EQ(FindBestPlace(evidence.evidence(), evidence.evidence()).location_idx, -1);
-  EXPECT_EQ(FindBestPlace(evidence.evidence(), evidence.evidence()).share, 0);
 }
 
 TEST(PlaceEvidence, ACommonDetailSaysNothing) {
@@ -309,7 +321,12 @@ TEST(ScorePlaces, ALikeViewCountsAgainstALocation) {
   const BestPlace best = FindBestPlace(evidence, scores);
   EXPECT_EQ(best.location_idx, 1);
   EXPECT_EQ(best.margin, 0.5F);
-  EXPECT_EQ(best.share, 9.0F / 22);
+}
+
+TEST(LeadOf, GrowsWithTheRootOfCloseVotes) {
+  EXPECT_EQ(LeadOf(1.5F, 0, 2), 1.5F);
+  EXPECT_EQ(LeadOf(1.5F, 9, 0), 1.5F);
+  EXPECT_EQ(LeadOf(1.5F, 9, 2), 7.5F);
 }
 
 TEST(FindBestPlace, NoLocationWithoutEvidenceIsBest) {

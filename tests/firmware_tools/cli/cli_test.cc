@@ -207,6 +207,23 @@ TEST_F(CliTest, RoomTooSmallForDetailsIsWarnedOf) {
   EXPECT_THAT(errors_with("0"), Not(HasSubstr("no details"))) << "as asked";
 }
 
+TEST_F(CliTest, HowManyAnswersMayBeWrongIsTheUsers) {
+  const std::string site = Site();
+  const auto shares_with = [&](const std::vector<std::string>& flags) {
+    std::vector<std::string> command = {"train", site, "--out", Model(), "--words", "20"};
+    command.insert(command.end(), flags.begin(), flags.end());
+    EXPECT_EQ(Viewfix(command).exit_code, 0);
+    const auto model = nlohmann::json::parse(Viewfix({"inspect", Model(), "--json"}).out);
+    return model["training"]["wrong_shares"];
+  };
+  EXPECT_EQ(shares_with({"--max-wrong", "0.1"}).dump(),
+            R"({"details":0.001,"poses":0.001,"scores":0.001})");
+  EXPECT_EQ(shares_with({}).dump(), R"({"details":0.007,"poses":0.005,"scores":0.05})");
+  const ProgramRun refused = Viewfix({"train", site, "--out", Model(), "--max-wrong", "0"});
+  EXPECT_NE(refused.exit_code, 0);
+  EXPECT_THAT(refused.err, HasSubstr("--max-wrong"));
+}
+
 // Of each row's photographs the last three have a pose and no name.
 TEST_F(CliTest, UnlabelledPhotographsOfAWalkAreMapped) {
   const std::string site = SiteWithPoses();

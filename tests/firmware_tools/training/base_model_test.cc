@@ -172,14 +172,14 @@ TEST(BaseModelTest, DetailsOfKeptLocationsStay) {
   ModelData model = TrainedAgain(base.data);
   for (std::uint8_t& code : model.details.codes) code ^= 0xFF;
   model.details.likeness_weight = 4.5F;
-  model.details.share_weight = 6;
+  model.details.close_weight = 6;
   model.confidence = {.offset = -3, .slope = 1, .threshold = 0.75F};
   const ModelData trained = model;
   KeepUnchanged(base, true, model);
   ASSERT_TRUE(WriteModel(model).ok());
   // The weights and the curve that was fitted with them are of one training.
   EXPECT_EQ(model.details.likeness_weight, trained.details.likeness_weight);
-  EXPECT_EQ(model.details.share_weight, trained.details.share_weight);
+  EXPECT_EQ(model.details.close_weight, trained.details.close_weight);
   EXPECT_EQ(model.confidence.offset, trained.confidence.offset);
   // As many of each of two locations, and common ones, which stay the base's.
   const std::size_t bytes = model.details.codes.size() / 3;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <random>
 #include <vector>
@@ -85,14 +86,17 @@ TEST_F(DetailsTest, HeldOutImagesAreFound) {
   }
 }
 
-// Of a frame whose location is hidden no other has most of the evidence.
-TEST_F(DetailsTest, SharesTellHiddenLocationsFromKnownOnes) {
+// Of a frame whose location is hidden hardly a feature is close to a detail.
+TEST_F(DetailsTest, CloseDetailsTellHiddenLocationsFromKnownOnes) {
   const TrainedDetails details = Train({.hidden_weight = 1});
-  EXPECT_GT(details.table.share_weight, 0);
+  EXPECT_GT(details.table.close_weight, 0);
   const TrainedDetails without = Train({.hidden_weight = 0});
-  for (std::size_t i = 0; i < details.held_out.size(); ++i) {  // nearly all say one location
-    const double added = details.held_out[i].margin - without.held_out[i].margin;
-    EXPECT_NEAR(added, double{details.table.share_weight - without.table.share_weight}, 0.1);
+  const double weight = details.table.close_weight - without.table.close_weight;
+  for (std::size_t i = 0; i < details.held_out.size(); ++i) {
+    const double known = details.held_out[i].margin - without.held_out[i].margin;
+    const double hidden = details.elsewhere[i].margin - without.elsewhere[i].margin;
+    EXPECT_NEAR(known, weight * std::sqrt(kFeatures), weight);  // nearly all are
+    EXPECT_LT(hidden, known / 2);
   }
 }
 
@@ -129,9 +133,9 @@ TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
     EXPECT_EQ(details.table.rotation.size(), std::size_t(turned_dim) * kDim);
     EXPECT_EQ(details.table.codebook.size(), std::size_t{256} * turned_dim);
     EXPECT_EQ(details.table.codes.size(), SizeOf(details) * parts);
-    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(),
-                            [](const Outcome& o) { return o.right; }))
-        << parts;
+    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(), [](const Outcome& o) {
+      return o.right;
+    })) << parts;
   }
   EXPECT_TRUE(Train({.parts = kDim + 1}).table.codes.empty());
 }
