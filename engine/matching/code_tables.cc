@@ -2,6 +2,7 @@
 #include "engine/matching/code_tables.h"
 
 #include <array>
+#include <cassert>
 
 #include "models/model_view.h"
 
@@ -30,6 +31,7 @@ void CodeTables::Fill(std::span<const std::int8_t> descriptors) {
   std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
   const int dim = parts_ * piece_;
   const int n = static_cast<int>(descriptors.size()) / dim;
+  assert(n <= kTileQueries);
   for (int p = 0; p < parts_; ++p) {
     for (int i = 0; i < n; ++i) {
       tile_.PackQuery(descriptors.subspan(std::size_t(i) * dim + p * piece_, piece_), i,

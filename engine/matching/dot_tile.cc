@@ -16,8 +16,8 @@ namespace viewfix {
 namespace {
 
 static_assert(kTileQueries == kTileRows);  // a tile and a block lie alike
-// Values that lie together where they stay bytes. A tile ends with 32-bit numbers there, which its
-// queries' sums begin with.
+// Values that lie together where they stay bytes. A tile ends with 32-bit numbers there, which on
+// x86 its queries' sums begin with.
 constexpr int kBytesTogether = 4;
 #if defined(__x86_64__)
 constexpr int kRowOffset = 128;  // VNNI multiplies unsigned bytes by signed ones

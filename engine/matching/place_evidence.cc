@@ -148,15 +148,15 @@ void PlaceEvidence::SumNorms() {
   std::vector<std::int32_t> table(code_norm2.size());
   const int num_words = static_cast<int>(words_.size()) / dim_;
   for (int w = 0; w < num_words; ++w) {
-    const auto words = std::span(words_).subspan(std::size_t(w) * dim_);
+    const auto from_word = std::span(words_).subspan(std::size_t(w) * dim_);
     if (w % kTileQueries == 0) {
-      tables_.Fill(words.first(std::size_t(std::min(kTileQueries, num_words - w)) * dim_));
+      tables_.Fill(from_word.first(std::size_t(std::min(kTileQueries, num_words - w)) * dim_));
     }
     const std::int32_t* const products = tables_.Of(w % kTileQueries);
     for (std::size_t code = 0; code < table.size(); ++code) {
       table[code] = 2 * products[code] + code_norm2[code];
     }
-    const std::int32_t word_norm2 = Dot(words.data(), words.data(), dim_);
+    const std::int32_t word_norm2 = Dot(from_word.data(), from_word.data(), dim_);
     for (std::uint32_t d = list_begin_[2 * w]; d < list_begin_[2 * w + 2]; ++d) {
       const std::int32_t norm2 =
           word_norm2 + SumCodes(table.data(), &codes_[CodeAt(d, 0)], CodeStride(), parts);

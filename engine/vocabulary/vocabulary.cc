@@ -75,9 +75,10 @@ void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int word
     }
     worst.fill(std::numeric_limits<std::int32_t>::max());
     std::fill_n(worst.begin(), n, std::numeric_limits<std::int32_t>::min());
-    for (int b = 0; b < blocks.size; ++b) {
-      b = tile_.FindAbove(queries.data(), blocks, b, worst.data(), similarity);
-      if (b == blocks.size) break;
+    const auto next = [&](int b) {
+      return tile_.FindAbove(queries.data(), blocks, b, worst.data(), similarity);
+    };
+    for (int b = next(0); b < blocks.size; b = next(b + 1)) {
       for (int i = 0; i < n; ++i) {
         if (similarity.above[i] == 0) continue;
         worst[i] = rankings[i].Take(words_per_descriptor, similarity.above[i],

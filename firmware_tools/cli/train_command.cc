@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cstdio>
 #include <memory>
+#include <sstream>
 #include <vector>
 
 #include "firmware_tools/cli/commands.h"
@@ -40,6 +41,19 @@ struct TrainFlags {
   double details_mb = static_cast<double>(DetailOptions().max_bytes) / 1e6;
   TrainOptions options;
 };
+
+// CLI::Range takes what is not a number, too.
+CLI::Validator NumberIn(double least, double most) {
+  const auto check = [=](const std::string& text) {
+    double value = 0;
+    const bool valid = CLI::detail::lexical_cast(text, value) && value >= least && value <= most;
+    if (valid) return std::string();
+    std::ostringstream error;
+    error << "takes a number from " << least << " to " << most << ", not '" << text << "'";
+    return error.str();
+  };
+  return {check, "", ""};
+}
 
 void ApplyViews(const std::string& text, LabelOptions& labels) {
   using Views = LabelOptions::Views;
@@ -171,9 +185,13 @@ void PrintSummary(const TrainFlags& flags, const TrainResult& result, std::size_
   }
   const auto right = std::count_if(result.details_held_out.begin(), result.details_held_out.end(),
                                    [](const Outcome& o) { return o.right; });
+  const Answered known = AnsweredOf(result.details_held_out, result.model.confidence);
+  const Answered hidden = AnsweredOf(result.details_elsewhere, result.model.confidence);
   std::printf(
-      "held-out frames, by details: location right %.1f %%\n",
-      100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()));
+      "held-out frames, by details: location right %.1f %%; answered %.1f %%, of these wrong "
+      "%.1f %%; %.1f %% where their location is hidden\n",
+      100.0 * static_cast<double>(right) / static_cast<double>(result.details_held_out.size()),
+      100 * known.share, 100 * known.wrong, 100 * hidden.share);
 }
 
 void PrintKept(const StageCache& cache) {
@@ -253,7 +271,7 @@ void AddTrain(CLI::App& app) {
       ->add_option("--pose-sigma", flags->options.map.pose_sigma,
                    "how far the set's poses may be off, in its units: they are adjusted together "
                    "with the landmarks; 0: they stay as they are")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(NumberIn(0, 1000))
       ->capture_default_str();
   command->add_option(
       "--work", flags->work,
@@ -282,14 +300,16 @@ void AddTrain(CLI::App& app) {
           "--details", flags->details_mb,
           "MB of the model, at most, for what tells look-alike places apart where there are "
           "no landmarks; 0: none")
-      ->check(CLI::Range(0.0, 1000.0))
+      ->check(NumberIn(0, 1000))
       ->capture_default_str();
   command
-      ->add_option("--max-wrong", flags->max_wrong,
-                   "percent of the answers that may be wrong, by held-out photographs: the fewer, "
-                   "the fewer frames are answered; if not given 0.7 where details tell places "
-                   "apart, 5 by scores alone, 0.5 of poses")
-      ->check(CLI::Range(0.01, 50.0));
+      ->add_option(
+          "--max-wrong", flags->max_wrong,
+          "percent of the answers that may name a wrong location, by held-out photographs, "
+          "for all that the model answers by: the fewer, the fewer frames are answered; if "
+          "not given 0.7 where details tell places apart, 5 by scores alone, 0.5 of poses. "
+          "What is more likely wrong than right is never answered")
+      ->check(NumberIn(0.01, 50));
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))
       ->capture_default_str();

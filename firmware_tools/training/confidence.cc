@@ -79,6 +79,17 @@ double ConfidenceOf(const ModelConfidence& confidence, double margin) {
   return Logistic(double{confidence.offset} + double{confidence.slope} * margin);
 }
 
+Answered AnsweredOf(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
+  double answered = 0, wrong = 0;
+  for (const Outcome& o : outcomes) {
+    if (!(ConfidenceOf(confidence, o.margin) >= double{confidence.threshold})) continue;
+    answered += 1;
+    wrong += o.right ? 0 : 1;
+  }
+  if (answered == 0) return {};
+  return {answered / static_cast<double>(outcomes.size()), wrong / answered};
+}
+
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
   const Curve curve = {confidence.offset, confidence.slope};
   double weight = 0;

@@ -23,6 +23,14 @@ ModelConfidence FitConfidence(std::span<const Outcome> outcomes);
 // Its value at a margin.
 double ConfidenceOf(const ModelConfidence& confidence, double margin);
 
+// Share of the outcomes whose confidence reaches the threshold, and what share of those is wrong,
+// whatever their weights; 0 of none.
+struct Answered {
+  double share = 0;
+  double wrong = 0;
+};
+Answered AnsweredOf(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
+
 // Mean of -log p(what was) over the outcomes, weighed, at a curve.
 double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confidence);
 

@@ -542,4 +542,19 @@ TrainedDetails TrainDetails(const DetailSource& source, const DetailOptions& opt
   return DetailTrainer(source, options).Train(progress);
 }
 
+ModelConfidence FitDetailConfidence(const TrainedDetails& details, const DetailOptions& options) {
+  const auto frames = static_cast<double>(details.held_out.size());
+  const auto wrong = static_cast<double>(
+      std::ranges::count_if(details.held_out, [](const Outcome& o) { return !o.right; }));
+  const double missing = std::max(0.0, options.hidden_weight * frames - wrong);
+  std::vector<Outcome> outcomes = details.held_out;
+  for (Outcome hidden : details.elsewhere) {
+    hidden.weight = missing / static_cast<double>(details.elsewhere.size());
+    outcomes.push_back(hidden);
+  }
+  ModelConfidence confidence = FitConfidence(outcomes);
+  LimitWrongAnswers(details.held_out, options.wrong_share, confidence);
+  return confidence;
+}
+
 }  // namespace viewfix

@@ -36,7 +36,8 @@ struct DetailOptions {
   // 1197), 0.007 0.9 % (11 of 1169).
   double wrong_share = 0.007;
   // What a frame of a location that is hidden counts for, where one of a known location counts one,
-  // when the weight of close details is chosen.
+  // when the weight of close details is chosen; and what share of all frames is wrong, at least,
+  // for the confidence.
   double hidden_weight = 0.1;
   int jobs = 0;  // 0: all cores
 };
@@ -67,5 +68,10 @@ struct TrainedDetails {
 // The same inputs give the same bytes, whatever `jobs` is.
 TrainedDetails TrainDetails(const DetailSource& source, const DetailOptions& options,
                             const Progress& progress);
+
+// What their leads are worth, limited to options.wrong_share. Where hardly a held-out frame is
+// wrong, nothing would say which leads are too small: hidden frames stand for the wrong ones that
+// are missing.
+ModelConfidence FitDetailConfidence(const TrainedDetails& details, const DetailOptions& options);
 
 }  // namespace viewfix

@@ -299,25 +299,12 @@ ModelFeatures FeaturesOf(const FeatureStore& store) {
           store.dim};
 }
 
-ModelConfidence FitAndLimit(std::span<const Outcome> held_out, double wrong_share) {
-  ModelConfidence confidence = FitConfidence(held_out);
-  LimitWrongAnswers(held_out, wrong_share, confidence);
-  return confidence;
-}
-
 std::vector<Outcome> OutcomesOf(const Labels& labels, const HeldOut& result) {
   std::vector<Outcome> outcomes;
   for (const HeldOut::Prediction& p : result.predictions) {
     outcomes.push_back({p.margin, p.location == labels.location[p.sample]});
   }
   return outcomes;
-}
-
-double ShareAnswered(std::span<const Outcome> outcomes, const ModelConfidence& confidence) {
-  const auto answered = std::ranges::count_if(outcomes, [&](const Outcome& o) {
-    return ConfidenceOf(confidence, o.margin) >= double{confidence.threshold};
-  });
-  return static_cast<double>(answered) / static_cast<double>(outcomes.size());
 }
 
 Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confidence) {
@@ -327,8 +314,8 @@ Json DetailsAsJson(const TrainedDetails& details, const ModelConfidence& confide
           {"close_weight", details.table.close_weight},
           {"held_out", details.held_out.size()},
           {"right", right},
-          {"answered", ShareAnswered(details.held_out, confidence)},
-          {"elsewhere_answered", ShareAnswered(details.elsewhere, confidence)}};
+          {"answered", AnsweredOf(details.held_out, confidence).share},
+          {"elsewhere_answered", AnsweredOf(details.elsewhere, confidence).share}};
 }
 
 // What they tell decides, so that the confidence is a curve of their lead. Returns how
@@ -348,7 +335,7 @@ TrainedDetails AddDetails(const Preparation& prepared, const TrainOptions& optio
   TrainedDetails details = TrainDetails(source, options.details, Begin(stages, "details"));
   if (details.table.codes.empty() || details.held_out.empty()) return {};
   model.details = details.table;
-  model.confidence = FitAndLimit(details.held_out, options.details.wrong_share);
+  model.confidence = FitDetailConfidence(details, options.details);
   return details;
 }
 
@@ -610,7 +597,9 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
   AssignAll(labels.pair_location, model.pair_location);
   AssignAll(labels.pair_view, model.pair_view);
   QuantizeWeights(scores, model);
-  model.confidence = FitAndLimit(OutcomesOf(labels, tried.front()), options.wrong_share);
+  const std::vector<Outcome> held_out = OutcomesOf(labels, tried.front());
+  model.confidence = FitConfidence(held_out);
+  LimitWrongAnswers(held_out, options.wrong_share, model.confidence);
   const ModelData without_map = model;
   const std::vector<bool> none(labels.image_idxs.size(), false);
   const std::vector<int> keyframes = AddKeyframes(set, options, prepared, none, model);
@@ -619,6 +608,7 @@ TrainResult Train(const ImageSet& set, const Preparation& prepared, const TrainO
       AddPoseConfidence(set, prepared, options, without_map, stages, model);
   const TrainedDetails details = AddDetails(prepared, options, stages, model);
   result.details_held_out = details.held_out;
+  result.details_elsewhere = details.elsewhere;
   result.base = TakeBase(options, model);
   if (options.floor_plan) {
     const FloorPlan& plan = *options.floor_plan;

@@ -99,7 +99,8 @@ struct TrainResult {
   ModelData model;
   HeldOut chosen;  // the parameters taken, and how held-out blocks fared with them
   std::vector<Outcome> details_held_out;  // of TrainedDetails; empty: no details
-  BaseReport base;                        // where there is one
+  std::vector<Outcome> details_elsewhere;
+  BaseReport base;  // where there is one
 };
 
 // The model of a prepared set. The same inputs give the same model, whatever `jobs` is.

@@ -283,13 +283,17 @@ TEST_F(LocalizerTest, WhereDetailsOfOneFloorsAreasAreSeenTheFloorIsSaid) {
 }
 
 // The logit grows by slope * close_weight * sqrt(close votes), the area's, where its floor is said,
-// too. All details are the features themselves.
+// too. Details are the features themselves, or every `near_every`-th is and the others are 50 away.
 TEST_F(LocalizerTest, ConfidenceGrowsWithTheVotesOfCloseDetails) {
   const auto pixels = Blocks(320, 240, 1);
-  const auto fix_with = [&](float close_weight, int every) {
+  const auto fix_with = [&](float close_weight, int every, int near_every = 1) {
     ModelData data = WithDetailsOf(pixels, TwoFloors(0), [&](int i) { return i % every; });
     data.confidence = {.offset = -2, .slope = 0.125F, .threshold = 0.3F};
     data.details.close_weight = close_weight;
+    for (std::size_t code = 0; code < data.details.codes.size(); ++code) {
+      std::int8_t& value = data.details.codebook[code * data.features.descriptor_dim];
+      if (code % near_every != 0) value = static_cast<std::int8_t>(value + (value < 0 ? 50 : -50));
+    }
     Localizer localizer = Make(data);
     return *localizer.Localize({pixels.data(), 320, 240, 320});
   };
@@ -301,6 +305,10 @@ TEST_F(LocalizerTest, ConfidenceGrowsWithTheVotesOfCloseDetails) {
                 0.125F * weight * std::sqrt(static_cast<float>(with.num_inliers)), 1e-2);
   };
   expect_grown(fix_with(0, 1), fix_with(0.5F, 1), 0.5F);
+  const Fix few = fix_with(0.5F, 1, 4);
+  EXPECT_GT(few.num_inliers, few.num_features * 3 / 4) << "far ones speak, too";
+  EXPECT_NEAR(logit_of(few) - logit_of(fix_with(0, 1, 4)),
+              0.125F * 0.5F * std::sqrt(static_cast<float>(few.num_inliers) / 4), 0.1);
   const Fix without = fix_with(0, 2), with = fix_with(0.5F, 2);  // two areas of one floor
   EXPECT_EQ(without.level, 1);
   EXPECT_EQ(with.level, 1);

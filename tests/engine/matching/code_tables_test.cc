@@ -11,7 +11,6 @@
 namespace viewfix {
 namespace {
 
-// Also after a fuller tile: nothing of it is left.
 TEST(CodeTables, HoldWhatEachCodeAdds) {
   constexpr int kParts = 3, kPiece = 5, kDim = kParts * kPiece;
   const std::vector<std::int8_t> codebook = RandomBytes(kCodesOfPart * kDim, 1);

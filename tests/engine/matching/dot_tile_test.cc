@@ -85,27 +85,29 @@ TEST(DotTile, FindsTheBlocksThatAreAboveALimit) {
   constexpr int kDim = 9, kBlocks = 4;
   const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
   std::vector<std::int32_t> norm2(kBlocks * kTileRows);
-  for (int r = 0; r < kBlocks * kTileRows; ++r) norm2[r] = 1000 * (r % kTileRows);
+  for (int r = 0; r < kBlocks * kTileRows; ++r) {
+    norm2[r] = 1000 * r + (r / kTileRows == 2 ? 0 : 200'000);
+  }
   for (const CpuPath path : CpuPathsHere()) {
     const DotTile tile(kDim, path);
     std::vector<std::uint8_t> rows;
     Packed packed;
     std::vector<std::vector<std::int32_t>> products(kBlocks);
     for (int b = 0; b < kBlocks; ++b) {
-      packed = Pack(tile, queries, RandomBytes(kTileRows * kDim, b == 2 ? 5 : 6), kDim);
+      packed = Pack(tile, queries, RandomBytes(kTileRows * kDim, b + 5), kDim);
       rows.insert(rows.end(), packed.block.begin(), packed.block.end());
       products[b].resize(kTileQueries * kTileRows);
       tile.Products(packed.queries.data(), packed.block.data(), products[b].data());
     }
     const auto likeness_of = [&](int b, int q, int r) {
-      return 2 * products[b][q * kTileRows + r] - norm2[r];
+      return 2 * products[b][q * kTileRows + r] - norm2[b * kTileRows + r];
     };
-    // None reaches the limits but in block 2, whose rows are others; one query has no limit there.
-    std::vector<std::int32_t> limits(kTileQueries, std::numeric_limits<std::int32_t>::min());
-    for (int q = 0; q < kTileQueries; ++q) {
-      for (int r = 0; r < kTileRows; ++r) limits[q] = std::max(limits[q], likeness_of(0, q, r));
+    // Only query 5 goes beyond its limit, in block 2.
+    std::vector<std::int32_t> limits(kTileQueries, std::numeric_limits<std::int32_t>::max());
+    limits[5] = likeness_of(2, 5, 7) - 1;
+    for (const int b : {0, 1, 3}) {
+      for (int r = 0; r < kTileRows; ++r) ASSERT_LE(likeness_of(b, 5, r), limits[5]);
     }
-    limits[1] = std::numeric_limits<std::int32_t>::max();
     DotTile::Likeness likeness;
     const DotTile::Blocks blocks = {rows.data(), norm2.data(), kBlocks};
     const auto find = [&](int begin) {

@@ -219,9 +219,11 @@ TEST_F(CliTest, HowManyAnswersMayBeWrongIsTheUsers) {
   EXPECT_EQ(shares_with({"--max-wrong", "0.1"}).dump(),
             R"({"details":0.001,"poses":0.001,"scores":0.001})");
   EXPECT_EQ(shares_with({}).dump(), R"({"details":0.007,"poses":0.005,"scores":0.05})");
-  const ProgramRun refused = Viewfix({"train", site, "--out", Model(), "--max-wrong", "0"});
-  EXPECT_NE(refused.exit_code, 0);
-  EXPECT_THAT(refused.err, HasSubstr("--max-wrong"));
+  for (const char* percent : {"0", "nan", "few"}) {
+    const ProgramRun refused = Viewfix({"train", site, "--out", Model(), "--max-wrong", percent});
+    EXPECT_NE(refused.exit_code, 0) << percent;
+    EXPECT_THAT(refused.err, HasSubstr("--max-wrong: takes a number from 0.01 to 50"));
+  }
 }
 
 // Of each row's photographs the last three have a pose and no name.

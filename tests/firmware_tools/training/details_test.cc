@@ -100,6 +100,26 @@ TEST_F(DetailsTest, CloseDetailsTellHiddenLocationsFromKnownOnes) {
   }
 }
 
+// All held-out frames are right: hidden ones say what is too little.
+TEST_F(DetailsTest, HiddenLocationsAreNotAnsweredWhereNoAnswerIsWrong) {
+  const DetailOptions options;
+  const TrainedDetails details = Train(options);
+  const ModelConfidence confidence = FitDetailConfidence(details, options);
+  EXPECT_EQ(AnsweredOf(details.held_out, confidence).share, 1);
+  EXPECT_EQ(AnsweredOf(details.held_out, confidence).wrong, 0);
+  EXPECT_LT(AnsweredOf(details.elsewhere, confidence).share, 0.1);
+}
+
+// Where enough answers are wrong these alone say how sure to be.
+TEST_F(DetailsTest, HiddenLocationsDoNotBendTheConfidenceOfKnownOnes) {
+  TrainedDetails details = Train({});
+  for (std::size_t i = 0; i < details.held_out.size(); i += 4) details.held_out[i].right = false;
+  const ModelConfidence confidence = FitDetailConfidence(details, {.wrong_share = 1});
+  const ModelConfidence known = FitConfidence(details.held_out);
+  EXPECT_FLOAT_EQ(confidence.offset, known.offset);
+  EXPECT_FLOAT_EQ(confidence.slope, known.slope);
+}
+
 TEST_F(DetailsTest, FeaturesThatLookAlikeAreOneDetail) {
   const TrainedDetails details = Train({});
   EXPECT_LT(SizeOf(details), 2 * kLocations * kFeatures);
