@@ -94,18 +94,18 @@ TrainOptions OptionsOf(const TrainFlags& flags) {
   options.model_map.jobs = options.jobs;
   options.details.jobs = options.jobs;
   options.details.max_bytes = static_cast<std::size_t>(flags.details_mb * 1e6);
-  if (flags.max_wrong > 0) {
-    const double share = flags.max_wrong / 100;
-    options.wrong_share = share;
-    options.details.wrong_share = share;
-    options.pose_confidence.wrong_share = share;
-  }
   if (flags.c > 0) options.c = flags.c;
   if (flags.beta > 0) options.beta = flags.beta;
   if (flags.negatives != "auto") options.other_views_negative = flags.negatives == "all";
   if (!flags.base.empty()) {
     const auto file = ReadModelFile(flags.base);
     TakeFrozenOptions(std::make_shared<BaseModel>(ReadBaseModel(file, flags.base)), options);
+  }
+  if (flags.max_wrong > 0) {
+    const double share = flags.max_wrong / 100;
+    options.wrong_share = share;
+    options.details.wrong_share = share;
+    options.pose_confidence.wrong_share = share;
   }
   return options;
 }

@@ -467,6 +467,12 @@ void LabelByMap(const ImageSet& set, const TrainOptions& options, const std::vec
 
 }  // namespace
 
+// Where a record has a number of that name.
+void TakeNumber(const Json& record, const char* name, double& number) {
+  if (!record.is_object()) return;
+  if (const auto it = record.find(name); it != record.end() && it->is_number()) number = *it;
+}
+
 void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& options) {
   const ModelData& frozen = base->data;
   options.features = FeatureOptionsOf(frozen.features);
@@ -485,6 +491,10 @@ void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& opti
       options.other_views_negative = negatives->get<bool>();
     }
   }
+  const Json shares = record.is_object() ? record.value("wrong_shares", Json()) : Json();
+  TakeNumber(shares, "scores", options.wrong_share);
+  TakeNumber(shares, "details", options.details.wrong_share);
+  TakeNumber(shares, "poses", options.pose_confidence.wrong_share);
   options.base = std::move(base);
 }
 

@@ -56,7 +56,8 @@ struct TrainOptions {
   int jobs = 0;  // 0: all cores
 };
 
-// Sets `base`, and what it decides: features, vocabulary, histograms, and the SVM's parameters.
+// Sets `base`, and what it decides: features, vocabulary, histograms, the SVM's parameters, and what
+// share of the answers may be wrong.
 void TakeFrozenOptions(std::shared_ptr<const BaseModel> base, TrainOptions& options);
 
 // Begins a named stage of long work and returns where to report its progress.

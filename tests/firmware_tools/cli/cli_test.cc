@@ -209,16 +209,25 @@ TEST_F(CliTest, RoomTooSmallForDetailsIsWarnedOf) {
 
 TEST_F(CliTest, HowManyAnswersMayBeWrongIsTheUsers) {
   const std::string site = Site();
+  const auto shares_of_model = [&] {
+    const auto model = nlohmann::json::parse(Viewfix({"inspect", Model(), "--json"}).out);
+    return model["training"]["wrong_shares"];
+  };
   const auto shares_with = [&](const std::vector<std::string>& flags) {
     std::vector<std::string> command = {"train", site, "--out", Model(), "--words", "20"};
     command.insert(command.end(), flags.begin(), flags.end());
     EXPECT_EQ(Viewfix(command).exit_code, 0);
-    const auto model = nlohmann::json::parse(Viewfix({"inspect", Model(), "--json"}).out);
-    return model["training"]["wrong_shares"];
+    return shares_of_model();
   };
   EXPECT_EQ(shares_with({"--max-wrong", "0.1"}).dump(),
             R"({"details":0.001,"poses":0.001,"scores":0.001})");
   EXPECT_EQ(shares_with({}).dump(), R"({"details":0.007,"poses":0.005,"scores":0.05})");
+  shares_with({"--max-wrong", "0.1"});
+  const std::string base = folder_ / "base.vfx";
+  std::filesystem::rename(Model(), base);
+  const ProgramRun again = Viewfix({"train", site, "--out", Model(), "--base", base});
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  EXPECT_EQ(shares_of_model().dump(), R"({"details":0.001,"poses":0.001,"scores":0.001})");
   for (const char* percent : {"0", "nan", "few"}) {
     const ProgramRun refused = Viewfix({"train", site, "--out", Model(), "--max-wrong", percent});
     EXPECT_NE(refused.exit_code, 0) << percent;
