@@ -324,7 +324,8 @@ DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
 #endif
 
 DotTile::DotTile(int dim, CpuPath path)
-    : bytes_(path == CpuPath::kAvx512Vnni || path == CpuPath::kNeonDot),
+    : dim_(dim),
+      bytes_(path == CpuPath::kAvx512Vnni || path == CpuPath::kNeonDot),
       depth_(RoundUp(dim, bytes_ ? kBytesTogether : kWideTogether)),
       tile_bytes_(std::size_t{kTileQueries} *
                   (bytes_ ? depth_ + sizeof(std::int32_t) : 2 * depth_)),
@@ -340,6 +341,12 @@ void DotTile::PackQuery(std::span<const std::int8_t> descriptor, int query,
   const std::int32_t first =
       -kRowOffset * std::accumulate(descriptor.begin(), descriptor.end(), std::int32_t{0});
   std::memcpy(tile + depth_ * kTileQueries + sizeof(first) * query, &first, sizeof(first));
+}
+
+void DotTile::PackQueries(std::span<const std::int8_t> descriptors, std::uint8_t* tile) const {
+  const int n = static_cast<int>(descriptors.size()) / dim_;
+  assert(n <= kTileQueries);
+  for (int i = 0; i < n; ++i) PackQuery(descriptors.subspan(std::size_t(i) * dim_, dim_), i, tile);
 }
 
 void DotTile::PackRow(std::span<const std::int8_t> descriptor, int row, std::uint8_t* block) const {

@@ -31,6 +31,8 @@ class DotTile {
 
   // Writes a descriptor [dim] as query `query` of a tile [tile_bytes].
   void PackQuery(std::span<const std::int8_t> descriptor, int query, std::uint8_t* tile) const;
+  // Writes descriptors [n, dim], n <= kTileQueries, as the first queries of a tile.
+  void PackQueries(std::span<const std::int8_t> descriptors, std::uint8_t* tile) const;
   // Writes a descriptor [dim] as row `row` of a block [block_bytes].
   void PackRow(std::span<const std::int8_t> descriptor, int row, std::uint8_t* block) const;
 
@@ -71,6 +73,7 @@ class DotTile {
   static Kernels KernelsFor(CpuPath path);
   void Pack(std::span<const std::int8_t> descriptor, int i, int offset, std::uint8_t* packed) const;
 
+  int dim_;
   bool bytes_;  // values stay bytes; else they are widened to 16 bits
   int depth_;   // values of a query or row: dim, filled up with zeros
   std::size_t tile_bytes_;

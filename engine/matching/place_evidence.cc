@@ -68,9 +68,8 @@ void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned)
   const int size = static_cast<int>(descriptors.size()) / dim_;
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
-    for (int i = 0; i < n; ++i) {
-      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), i, queries.data());
-    }
+    tile_.PackQueries(descriptors.subspan(std::size_t(begin) * dim_, std::size_t(n) * dim_),
+                      queries.data());
     for (int row = 0; row < turned_dim_; row += kTileRows) {
       tile_.Products(queries.data(), &rows_[row / kTileRows * tile_.block_bytes()], sums.data());
       RunOnPath<RoundKernel>(path_, sums.data(), n, std::min(kTileRows, turned_dim_ - row),

@@ -69,8 +69,9 @@ void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int word
   auto out = words_out.begin();
   for (int begin = 0; begin < size; begin += kTileQueries) {
     const int n = std::min(kTileQueries, size - begin);
+    tile_.PackQueries(descriptors.subspan(std::size_t(begin) * dim_, std::size_t(n) * dim_),
+                      queries.data());
     for (int i = 0; i < n; ++i) {
-      tile_.PackQuery(descriptors.subspan(std::size_t(begin + i) * dim_, dim_), i, queries.data());
       rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
     }
     worst.fill(std::numeric_limits<std::int32_t>::max());

@@ -55,6 +55,15 @@ CLI::Validator NumberIn(double least, double most) {
   return {check, "", ""};
 }
 
+std::string DefaultShares() {
+  const TrainOptions options;
+  std::ostringstream text;
+  text << 100 * options.details.wrong_share << " where details tell places apart, "
+       << 100 * options.wrong_share << " by scores alone, "
+       << 100 * options.pose_confidence.wrong_share << " of poses";
+  return text.str();
+}
+
 void ApplyViews(const std::string& text, LabelOptions& labels) {
   using Views = LabelOptions::Views;
   if (text == "auto" || text == "labels") {
@@ -307,8 +316,9 @@ void AddTrain(CLI::App& app) {
           "--max-wrong", flags->max_wrong,
           "percent of the answers that may name a wrong location, by held-out photographs, "
           "for all that the model answers by: the fewer, the fewer frames are answered; if "
-          "not given 0.7 where details tell places apart, 5 by scores alone, 0.5 of poses. "
-          "What is more likely wrong than right is never answered")
+          "not given " +
+              DefaultShares() +
+              ". What is more likely wrong than right is never answered")
       ->check(NumberIn(0.01, 50));
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))

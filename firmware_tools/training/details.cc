@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kCodebookSamples = 60'000;
 constexpr double kMergeStep = 5;
 constexpr double kMergeBeforeShorter = 3 * kMergeStep;  // further, and codes are shortened instead
-constexpr int kParts[] = {8, 6, 4};                     // bytes of a code to try, the longest first
+constexpr int kParts[] = {8, 6, 4};  // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
 struct Feature {
@@ -83,11 +83,17 @@ struct HeldOutFrame {
   struct Said {
     std::vector<float> evidence;   // [locations]
     std::vector<int> close_votes;  // [locations]
+    std::vector<float> likeness;   // [locations]
+
+    void Forget(int location_idx) {
+      evidence.erase(evidence.begin() + location_idx);
+      close_votes.erase(close_votes.begin() + location_idx);
+      likeness.erase(likeness.begin() + location_idx);
+    }
   };
   Said known;
-  Said elsewhere;
-  std::vector<float> likeness;  // [locations]
-  int location_idx = -1;        // the right one; -1: the frame was not asked
+  Said elsewhere;         // of one location less
+  int location_idx = -1;  // the right one; -1: the frame was not asked
 };
 
 // Of ScorePlaces() and LeadOf().
@@ -102,10 +108,9 @@ struct Guess {
   double lead;
 };
 
-Guess GuessOf(const HeldOutFrame::Said& said, std::span<const float> likeness,
-              const PlaceWeights& weights) {
-  std::vector<float> scores(likeness.size());
-  ScorePlaces(said.evidence, likeness, weights.likeness, scores);
+Guess GuessOf(const HeldOutFrame::Said& said, const PlaceWeights& weights) {
+  std::vector<float> scores(said.likeness.size());
+  ScorePlaces(said.evidence, said.likeness, weights.likeness, scores);
   const BestPlace best = FindBestPlace(said.evidence, scores);
   const int close_votes = best.location_idx < 0 ? 0 : said.close_votes[best.location_idx];
   return {best.location_idx, double{LeadOf(best.margin, close_votes, weights.close)}};
@@ -116,7 +121,7 @@ std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
   std::vector<Outcome> outcomes;
   for (const HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
-    const Guess guess = GuessOf(frame.known, frame.likeness, weights);
+    const Guess guess = GuessOf(frame.known, weights);
     outcomes.push_back({guess.lead, guess.location_idx == frame.location_idx});
   }
   return outcomes;
@@ -124,16 +129,12 @@ std::vector<Outcome> OutcomesOf(const std::vector<HeldOutFrame>& frames,
 
 // Outcomes, all of them wrong, of the frames whose locations are hidden.
 //   weight  what each counts for
-std::vector<Outcome> OutcomesElsewhere(std::vector<HeldOutFrame> frames,
+std::vector<Outcome> OutcomesElsewhere(const std::vector<HeldOutFrame>& frames,
                                        const PlaceWeights& weights, double weight) {
   std::vector<Outcome> outcomes;
-  for (HeldOutFrame& frame : frames) {
+  for (const HeldOutFrame& frame : frames) {
     if (frame.location_idx < 0) continue;
-    HeldOutFrame::Said& said = frame.elsewhere;
-    said.evidence.erase(said.evidence.begin() + frame.location_idx);
-    said.close_votes.erase(said.close_votes.begin() + frame.location_idx);
-    frame.likeness.erase(frame.likeness.begin() + frame.location_idx);
-    outcomes.push_back({GuessOf(said, frame.likeness, weights).lead, false, weight});
+    outcomes.push_back({GuessOf(frame.elsewhere, weights).lead, false, weight});
   }
   return outcomes;
 }
@@ -510,10 +511,12 @@ class DetailTrainer {
           const auto evidence = weigher.evidence();
           const auto close_votes = weigher.close_votes();
           return HeldOutFrame::Said{{evidence.begin(), evidence.end()},
-                                    {close_votes.begin(), close_votes.end()}};
+                                    {close_votes.begin(), close_votes.end()},
+                                    LikenessOf(s, used)};
         };
         const int location = source_.locations[s];
-        frames[s] = {said(-1), said(location), LikenessOf(s, used), location};
+        frames[s] = {said(-1), said(location), location};
+        frames[s].elsewhere.Forget(location);
       });
     }
     return frames;

@@ -153,9 +153,9 @@ TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
     EXPECT_EQ(details.table.rotation.size(), std::size_t(turned_dim) * kDim);
     EXPECT_EQ(details.table.codebook.size(), std::size_t{256} * turned_dim);
     EXPECT_EQ(details.table.codes.size(), SizeOf(details) * parts);
-    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(), [](const Outcome& o) {
-      return o.right;
-    })) << parts;
+    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(),
+                            [](const Outcome& o) { return o.right; }))
+        << parts;
   }
   EXPECT_TRUE(Train({.parts = kDim + 1}).table.codes.empty());
 }
