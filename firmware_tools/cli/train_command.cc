@@ -317,8 +317,7 @@ void AddTrain(CLI::App& app) {
           "percent of the answers that may name a wrong location, by held-out photographs, "
           "for all that the model answers by: the fewer, the fewer frames are answered; if "
           "not given " +
-              DefaultShares() +
-              ". What is more likely wrong than right is never answered")
+              DefaultShares() + ". What is more likely wrong than right is never answered")
       ->check(NumberIn(0.01, 50));
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")
       ->check(CLI::IsMember({"hellinger", "l1"}))
