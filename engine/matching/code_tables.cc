@@ -19,13 +19,8 @@ CodeTables::CodeTables(std::span<const std::int8_t> codebook, int parts, int dim
       piece_(dim / parts),
       table_size_(std::size_t(parts) * kCodesOfPart),
       tile_(piece_, path),
-      blocks_(std::size_t(parts) * kBlocksOfPart * tile_.block_bytes()),
-      tables_(kTileQueries * table_size_) {
-  for (int code = 0; code < parts * kCodesOfPart; ++code) {
-    tile_.PackRow(codebook.subspan(std::size_t(code) * piece_, piece_), code % kTileRows,
-                  &blocks_[code / kTileRows * tile_.block_bytes()]);
-  }
-}
+      blocks_(tile_.PackBlocks(codebook)),
+      tables_(kTileQueries * table_size_) {}
 
 void CodeTables::Fill(std::span<const std::int8_t> descriptors) {
   std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};

@@ -55,12 +55,7 @@ Turner::Turner(std::span<const std::int8_t> rotation, int dim, CpuPath path)
       turned_dim_(static_cast<int>(rotation.size()) / dim),
       path_(path),
       tile_(dim, path),
-      rows_((turned_dim_ + kTileRows - 1) / kTileRows * tile_.block_bytes()) {
-  for (int i = 0; i < turned_dim_; ++i) {
-    tile_.PackRow(rotation.subspan(std::size_t(i) * dim, dim), i % kTileRows,
-                  &rows_[i / kTileRows * tile_.block_bytes()]);
-  }
-}
+      rows_(tile_.PackBlocks(rotation)) {}
 
 void Turner::Turn(std::span<const std::int8_t> descriptors, std::int8_t* turned) const {
   std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
@@ -192,7 +187,29 @@ void PlaceEvidence::Take(std::uint32_t detail, std::int32_t distance2, int hidde
 
 //   base  |q|^2 - 2 q'w of the feature q and the list's word w
 void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, int hidden) {
-  for (std::uint32_t d = list[0]; d < list[1]; ++d) Compare(base, d, hidden);
+  switch (details_.parts) {  // those that `train` makes are unrolled
+    case 8:
+      return CompareEachOf<8>(base, list, hidden);
+    case 6:
+      return CompareEachOf<6>(base, list, hidden);
+    case 4:
+      return CompareEachOf<4>(base, list, hidden);
+    default:
+      return CompareEachOf<0>(base, list, hidden);
+  }
+}
+
+// kParts: as many as there are, or 0
+template <int kParts>
+void PlaceEvidence::CompareEachOf(std::int32_t base, const std::uint32_t* list, int hidden) {
+  const int parts = kParts == 0 ? details_.parts : kParts;
+  const std::int32_t* const table = table_;
+  const std::uint8_t* codes = &codes_[std::size_t{list[0]} * parts];
+  for (std::uint32_t d = list[0]; d < list[1]; ++d, codes += parts) {
+    const std::int32_t rest = base - 2 * SumCodes(table, codes, 1, parts);
+    if (rest + norm2_[d] >= nearest_.second_distance2) continue;
+    Take(d, rest + Norm2(d), hidden);
+  }
 }
 
 void PlaceEvidence::Compare(std::int32_t base, std::uint32_t detail, int hidden) {

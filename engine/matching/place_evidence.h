@@ -104,6 +104,8 @@ class PlaceEvidence {
   void Take(std::uint32_t detail, std::int32_t distance2, int hidden);
   void Compare(std::int32_t base, std::uint32_t detail, int hidden);
   void CompareEach(std::int32_t base, const std::uint32_t* list, int hidden);
+  template <int kParts>
+  void CompareEachOf(std::int32_t base, const std::uint32_t* list, int hidden);
   void CompareBlocks(std::int32_t base, const std::uint32_t* list, int hidden);
   int Vote();
 

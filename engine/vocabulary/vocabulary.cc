@@ -12,55 +12,69 @@
 namespace viewfix {
 namespace {
 
-// The most similar words of one descriptor so far, best first.
+constexpr std::int32_t kNothing = std::numeric_limits<std::int32_t>::min();  // is as unlike
+
+// The most similar words of one descriptor so far, best first; the lower index first among equals.
 struct Ranking {
   std::array<std::int32_t, kMaxWordsPerFeature> similarity;
   std::array<std::uint16_t, kMaxWordsPerFeature> word;
 
-  // A word that is more similar than the last of `ranks`.
-  void Insert(int ranks, std::int32_t new_similarity, int new_word) {
+  bool ComesBefore(std::int32_t new_similarity, std::uint16_t new_word, int rank) const {
+    return new_similarity > similarity[rank] ||
+           (new_similarity == similarity[rank] && new_word < word[rank]);
+  }
+
+  // If it comes before the last of `ranks`.
+  void Take(int ranks, std::int32_t new_similarity, std::uint16_t new_word) {
     int r = ranks - 1;
-    for (; r > 0 && new_similarity > similarity[r - 1]; --r) {
+    if (!ComesBefore(new_similarity, new_word, r)) return;
+    for (; r > 0 && ComesBefore(new_similarity, new_word, r - 1); --r) {
       similarity[r] = similarity[r - 1];
       word[r] = word[r - 1];
     }
     similarity[r] = new_similarity;
-    word[r] = static_cast<std::uint16_t>(new_word);
+    word[r] = new_word;
   }
 
-  // Those words of a block, bits of `nearer`, that are more similar. Returns how similar the last
-  // of `ranks` is then.
-  std::int32_t Take(int ranks, std::uint32_t nearer, const std::int32_t* of_block, int first_word) {
-    for (; nearer != 0; nearer &= nearer - 1) {
-      const int w = std::countr_zero(nearer);
-      if (of_block[w] > similarity[ranks - 1]) Insert(ranks, of_block[w], first_word + w);
-    }
-    return similarity[ranks - 1];
+  // What is not above it cannot come before the last of `ranks`: as similar words may.
+  std::int32_t Limit(int ranks) const {
+    return similarity[ranks - 1] == kNothing ? kNothing : similarity[ranks - 1] - 1;
   }
 };
 
 }  // namespace
 
-// The last block is filled with words that lie too far from everything to be found.
+// Words lie in order of their length, so that few blocks hold long ones (DotTile sums those more
+// slowly on some paths). The last block is filled with what lies too far from everything.
 Vocabulary::Vocabulary(std::span<const std::int8_t> words, int dim, CpuPath path)
-    : dim_(dim), size_(static_cast<int>(words.size()) / dim), tile_(dim, path) {
-  const int blocks = (size_ + kTileRows - 1) / kTileRows;
-  words_.resize(blocks * tile_.block_bytes());
-  norm2_.resize(std::size_t(blocks) * kTileRows, std::numeric_limits<std::int32_t>::max());
-  static constexpr std::array<std::int8_t, kMaxDescriptorDim> kZeros{};
-  for (int w = 0; w < blocks * kTileRows; ++w) {
-    const auto word =
-        w < size_ ? words.subspan(std::size_t(w) * dim, dim) : std::span(kZeros).first(dim);
-    tile_.PackRow(word, w % kTileRows, &words_[w / kTileRows * tile_.block_bytes()]);
-    if (w < size_) norm2_[w] = std::inner_product(word.begin(), word.end(), word.begin(), 0);
+    : dim_(dim),
+      size_(static_cast<int>(words.size()) / dim),
+      tile_(dim, path),
+      word_at_(size_),
+      norm2_(size_) {
+  const auto word = [&](int w) { return words.subspan(std::size_t(w) * dim, dim); };
+  std::vector<std::int32_t> norm2(size_);
+  for (int w = 0; w < size_; ++w) {
+    norm2[w] = std::inner_product(word(w).begin(), word(w).end(), word(w).begin(), 0);
   }
+  std::iota(word_at_.begin(), word_at_.end(), std::uint16_t{0});
+  std::ranges::stable_sort(word_at_, {}, [&](std::uint16_t w) { return norm2[w]; });
+  std::vector<std::int8_t> in_order;
+  for (int i = 0; i < size_; ++i) {
+    in_order.insert(in_order.end(), word(word_at_[i]).begin(), word(word_at_[i]).end());
+    norm2_[i] = norm2[word_at_[i]];
+  }
+  words_ = tile_.PackBlocks(in_order);
+  const std::size_t rows = words_.size() / tile_.block_bytes() * kTileRows;
+  word_at_.resize(rows, 0);
+  norm2_.resize(rows, std::numeric_limits<std::int32_t>::max());
 }
 
 void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int words_per_descriptor,
                               std::span<std::uint16_t> words_out) const {
   std::array<std::uint8_t, DotTile::kMaxTileBytes> queries{};
   DotTile::Likeness similarity;
-  std::array<std::int32_t, kTileQueries> worst;  // of what the rankings hold
+  std::array<std::int32_t, kTileQueries> limits;
   std::array<Ranking, kTileQueries> rankings;
   assert(words_per_descriptor <= std::min(size_, kMaxWordsPerFeature));
   const DotTile::Blocks blocks = {words_.data(), norm2_.data(),
@@ -71,19 +85,21 @@ void Vocabulary::NearestWords(std::span<const std::int8_t> descriptors, int word
     const int n = std::min(kTileQueries, size - begin);
     tile_.PackQueries(descriptors.subspan(std::size_t(begin) * dim_, std::size_t(n) * dim_),
                       queries.data());
-    for (int i = 0; i < n; ++i) {
-      rankings[i].similarity.fill(std::numeric_limits<std::int32_t>::min());
-    }
-    worst.fill(std::numeric_limits<std::int32_t>::max());
-    std::fill_n(worst.begin(), n, std::numeric_limits<std::int32_t>::min());
+    for (int i = 0; i < n; ++i) rankings[i].similarity.fill(kNothing);
+    limits.fill(std::numeric_limits<std::int32_t>::max());
+    std::fill_n(limits.begin(), n, kNothing);
     const auto next = [&](int b) {
-      return tile_.FindAbove(queries.data(), blocks, b, worst.data(), similarity);
+      return tile_.FindAbove(queries.data(), blocks, b, limits.data(), similarity);
     };
     for (int b = next(0); b < blocks.size; b = next(b + 1)) {
       for (int i = 0; i < n; ++i) {
         if (similarity.above[i] == 0) continue;
-        worst[i] = rankings[i].Take(words_per_descriptor, similarity.above[i],
-                                    similarity.of_query[i], b * kTileRows);
+        for (std::uint32_t bits = similarity.above[i]; bits != 0; bits &= bits - 1) {
+          const int row = std::countr_zero(bits);
+          rankings[i].Take(words_per_descriptor, similarity.of_query[i][row],
+                           word_at_[b * kTileRows + row]);
+        }
+        limits[i] = rankings[i].Limit(words_per_descriptor);
       }
     }
     for (int i = 0; i < n; ++i) {

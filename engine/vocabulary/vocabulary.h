@@ -33,8 +33,9 @@ class Vocabulary {
   int dim_;
   int size_;
   DotTile tile_;
-  std::vector<std::uint8_t> words_;  // the tile's blocks, one after another
-  std::vector<std::int32_t> norm2_;  // [blocks * kTileRows] |c|^2
+  std::vector<std::uint16_t> word_at_;  // [blocks * kTileRows] the words in order of |c|
+  std::vector<std::uint8_t> words_;     // the tile's blocks, one after another, in that order
+  std::vector<std::int32_t> norm2_;     // [blocks * kTileRows] |c|^2, likewise
 };
 
 // h(x) of eq. (5): how often each visual word occurs in an image, as a sparse vector.

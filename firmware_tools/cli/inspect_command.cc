@@ -134,6 +134,8 @@ Json Describe(const ModelView& model) {
   json["confidence"] = {{"offset", model.confidence().offset},
                         {"slope", model.confidence().slope},
                         {"threshold", model.confidence().threshold}};
+  const std::optional<ModelPoseConfidence>& of_pose = model.pose_confidence();
+  json["pose_confidence"] = of_pose ? Json{{"threshold", of_pose->threshold}} : Json(nullptr);
   json["locations"] = Locations(model);
   json["training"] = Json::parse(model.record(), nullptr, false);
   if (json["training"].is_discarded()) json["training"] = nullptr;
@@ -186,6 +188,12 @@ void PrintForPeople(const std::string& path, const Json& d) {
               d["keyframes_with_pose"].get<int>());
   PrintMaps(d);
   std::printf("details    %d\n", d["details"].get<int>());
+  std::printf("answers    from a confidence of %.3f on",
+              d["confidence"]["threshold"].get<double>());
+  if (const Json& of_pose = d["pose_confidence"]; !of_pose.is_null()) {
+    std::printf(", with a pose from %.3f", of_pose["threshold"].get<double>());
+  }
+  std::printf("\n");
   if (d["training"].is_object() && d["training"].contains("chosen")) {
     std::printf("training   %s\n", d["training"]["chosen"].dump().c_str());
   }

@@ -109,6 +109,7 @@ TEST_F(CliTest, FromPhotographsToFigures) {
   EXPECT_EQ(description["locations"].size(), 3U);
   EXPECT_EQ(description["training"]["samples"], 30);
   const std::string text = Viewfix({"inspect", Model()}).out;
+  EXPECT_THAT(text, HasSubstr("answers    from a confidence of"));
   if (const auto& bytes = description["localizer_bytes"]; !bytes.is_null()) {  // null: sanitizers'
     EXPECT_GT(bytes, 640 * 640);  // the largest image that features are found in, to begin with
     EXPECT_LT(bytes, 32 << 20);
