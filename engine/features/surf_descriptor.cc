@@ -50,7 +50,8 @@ constexpr int Slot(int n) { return n % kRegionStep * (Group(kSamples - 1) + 1) +
 // Samples from the middle of the square, by slot.
 constexpr std::array<float, kSamples> MakeColumns() {
   std::array<float, kSamples> columns{};
-  for (int n = 0; n < kSamples; ++n) columns[Slot(n)] = static_cast<float>(n) - 0.5F * (kSamples - 1);
+  for (int n = 0; n < kSamples; ++n)
+    columns[Slot(n)] = static_cast<float>(n) - 0.5F * (kSamples - 1);
   return columns;
 }
 constexpr std::array<float, kSamples> kColumns = MakeColumns();
@@ -59,11 +60,19 @@ constexpr std::array<float, kSamples> kColumns = MakeColumns();
 template <typename T>
 using Pairs = std::array<T, 2 * kSamples * kSamples>;
 
-// Eight numbers: dx and dy for each of four samples, or of four subregions side by side. By
-// reference only, as processors without such vectors pass them in other ways.
+// dx and dy for each of some samples, or of some subregions side by side. By reference only, as
+// processors without such vectors pass them in other ways.
+#if defined(__x86_64__)
 constexpr int kLanes = 8;
+#else
+constexpr int kLanes = 4;  // as NEON has: GCC 12 keeps vectors of two registers in memory
+#endif
 using Floats [[gnu::vector_size(kLanes * sizeof(float))]] = float;
 using Ints [[gnu::vector_size(kLanes * sizeof(std::int32_t))]] = std::int32_t;
+
+// Numbers of one row of subregions: dx and dy, and as many vectors.
+constexpr int kRowNumbers = 2 * kRegions;
+constexpr int kRowVectors = kRowNumbers / kLanes;
 
 // Where the samples lie.
 template <bool kInside>
@@ -102,13 +111,17 @@ template <bool kInside>
 // To the key point's own, turned axes.
 [[gnu::always_inline]] inline void Turn(const Pairs<std::int32_t>& pairs, float cos_angle,
                                         float sin_angle, Pairs<float>& turned) {
-  const Floats sines = {sin_angle, -sin_angle, sin_angle, -sin_angle,
-                        sin_angle, -sin_angle, sin_angle, -sin_angle};
+  Floats sines;
+  for (int i = 0; i < kLanes; ++i) sines[i] = i % 2 == 0 ? sin_angle : -sin_angle;
   for (std::size_t i = 0; i < pairs.size(); i += kLanes) {
     Ints whole;
     std::memcpy(&whole, &pairs[i], sizeof(whole));
     const Floats xy = __builtin_convertvector(whole, Floats);
+#if defined(__x86_64__)
     const Floats yx = __builtin_shufflevector(xy, xy, 1, 0, 3, 2, 5, 4, 7, 6);
+#else
+    const Floats yx = __builtin_shufflevector(xy, xy, 1, 0, 3, 2);
+#endif
     const Floats both = cos_angle * xy + sines * yx;
     std::memcpy(&turned[i], &both, sizeof(both));
   }
@@ -116,16 +129,21 @@ template <bool kInside>
 
 // Of the subregions of one row.
 struct RegionSums {
-  Floats plain{};
-  Floats absolute{};
+  Floats plain[kRowVectors] = {};
+  Floats absolute[kRowVectors] = {};
+
+  float Plain(int i) const { return plain[i / kLanes][i % kLanes]; }
+  float Absolute(int i) const { return absolute[i / kLanes][i % kLanes]; }
 };
 
 [[gnu::always_inline]] inline void AddSample(const float* sample, float weight, RegionSums& sums) {
-  Floats weighed;
-  std::memcpy(&weighed, sample, sizeof(weighed));
-  weighed *= weight;
-  sums.plain += weighed;
-  sums.absolute += reinterpret_cast<Floats>(reinterpret_cast<Ints>(weighed) & 0x7fffffff);
+  for (int v = 0; v < kRowVectors; ++v) {
+    Floats weighed;
+    std::memcpy(&weighed, sample + v * kLanes, sizeof(weighed));
+    weighed *= weight;
+    sums.plain[v] += weighed;
+    sums.absolute[v] += reinterpret_cast<Floats>(reinterpret_cast<Ints>(weighed) & 0x7fffffff);
+  }
 }
 
 // Sample after sample, all subregions at once.
@@ -162,10 +180,10 @@ struct DescriptorKernel {
       for (int column = 0; column < kRegions; ++column) {
         const float weight = kRegionWeights[row][column];
         float* const region = &values[(row * kRegions + column) * 4];
-        region[0] = sums[row].plain[2 * column] * weight;
-        region[1] = sums[row].plain[2 * column + 1] * weight;
-        region[2] = sums[row].absolute[2 * column] * weight;
-        region[3] = sums[row].absolute[2 * column + 1] * weight;
+        region[0] = sums[row].Plain(2 * column) * weight;
+        region[1] = sums[row].Plain(2 * column + 1) * weight;
+        region[2] = sums[row].Absolute(2 * column) * weight;
+        region[3] = sums[row].Absolute(2 * column + 1) * weight;
       }
     }
     float length2 = 0;

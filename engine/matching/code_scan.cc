@@ -7,20 +7,37 @@
 
 #if defined(__x86_64__)
 #include <immintrin.h>
+#elif defined(__aarch64__)
+#include <arm_neon.h>
 #endif
 
 namespace viewfix {
 
+namespace {
+
+// Whether codes are looked up in tables of bytes.
+bool HasByteTables([[maybe_unused]] CpuPath path) {
+#if defined(__x86_64__)
+  return path == CpuPath::kAvx512Vnni;
+#else
+  return true;
+#endif
+}
+
+}  // namespace
+
 CodeScan::CodeScan(int parts, CpuPath path)
     : parts_(parts),
       path_(path),
-      bytes_(path == CpuPath::kAvx512Vnni),
+      bytes_(HasByteTables(path)),
       word_table_(bytes_ ? 0 : std::size_t(parts) * kCodesOfPart),
       byte_table_(bytes_ ? std::size_t(parts) * kCodesOfPart : 0),
       sums_(kMaxBlocks * kScanBlock) {}
 
-#if defined(__x86_64__)
+#if defined(__x86_64__) || defined(__aarch64__)
 namespace {
+
+#if defined(__x86_64__)
 
 #define VIEWFIX_WORDS "avx512f,avx512bw"
 #define VIEWFIX_BYTES "avx512f,avx512bw,avx512vbmi"
@@ -123,6 +140,72 @@ struct Halves {
   }
 }
 
+#else
+
+// One instruction looks up 6 bits of a code in four vectors; where the code is greater than what
+// they hold, it leaves what there was.
+struct ByteTable {
+  uint8x16x4_t quarters[4];
+};
+
+ByteTable Load(const std::uint8_t* table) {
+  ByteTable loaded;
+  for (int i = 0; i < 4; ++i) loaded.quarters[i] = vld1q_u8_x4(table + 64 * i);
+  return loaded;
+}
+
+uint8x16_t LookUp(const ByteTable& table, uint8x16_t codes) {
+  const uint8x16_t quarter = vdupq_n_u8(64);
+  uint8x16_t values = vqtbl4q_u8(table.quarters[0], codes);
+  for (int i = 1; i < 4; ++i) {
+    codes = vsubq_u8(codes, quarter);
+    values = vqtbx4q_u8(values, table.quarters[i], codes);
+  }
+  return values;
+}
+
+constexpr int kHalf = kScanBlock / 2;
+static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
+
+// Part after part, so that a part's table stays in registers.
+void SumBytes(const std::uint8_t* table, const std::uint8_t* codes, int parts, int num_blocks,
+              std::int16_t* sums) {
+  auto* const counts = reinterpret_cast<std::uint16_t*>(sums);
+  std::fill_n(counts, num_blocks * kScanBlock, std::uint16_t{0});
+  for (int p = 0; p < parts; ++p) {
+    const ByteTable part = Load(table + p * kCodesOfPart);
+    for (int b = 0; b < num_blocks; ++b) {
+      const std::uint8_t* const of_part = codes + (std::size_t(b) * parts + p) * kScanBlock;
+      std::uint16_t* const first = counts + b * kScanBlock;
+      for (int i = 0; i < kHalf; i += 8) {
+        const uint16x8_t values = vreinterpretq_u16_u8(LookUp(part, vld1q_u8(of_part + 2 * i)));
+        vst1q_u16(first + i, vaddq_u16(vld1q_u16(first + i), vandq_u16(values, vdupq_n_u16(255))));
+        vst1q_u16(first + kHalf + i, vsraq_n_u16(vld1q_u16(first + kHalf + i), values, 8));
+      }
+    }
+  }
+}
+
+// found: sum - norm2 / 2 / 2^shift >= least, the division rounded down, the difference cut
+void FindGreat(const std::int16_t* sums, const std::uint16_t* norm2, int num_blocks,
+               std::int16_t least, int shift, std::uint64_t* found) {
+  constexpr std::uint16_t kBits[] = {1, 2, 4, 8, 16, 32, 64, 128};
+  const uint16x8_t bits = vld1q_u16(kBits);
+  const int16x8_t limit = vdupq_n_s16(least);
+  const int16x8_t right = vdupq_n_s16(static_cast<std::int16_t>(-1 - shift));
+  for (int b = 0; b < num_blocks; ++b) {
+    found[b] = 0;
+    for (int i = 0; i < kScanBlock; i += 8) {
+      const int at = b * kScanBlock + i;
+      const int16x8_t half = vreinterpretq_s16_u16(vshlq_u16(vld1q_u16(norm2 + at), right));
+      const uint16x8_t great = vcgeq_s16(vqsubq_s16(vld1q_s16(sums + at), half), limit);
+      found[b] |= std::uint64_t{vaddvq_u16(vandq_u16(great, bits))} << i;
+    }
+  }
+}
+
+#endif
+
 struct LargestKernel {
   VIEWFIX_KERNEL void Run(const std::int32_t* values, int n, std::int32_t* largest) {
     std::int32_t magnitude = 0;
@@ -166,11 +249,10 @@ void CodeScan::Scan(const std::uint8_t* codes, const std::uint16_t* norm2, int n
   const std::int32_t needed = (least + parts_ * largest_) >> shift_;
   const auto limit =
       static_cast<std::int16_t>(std::clamp<std::int32_t>(needed, Limits::min(), Limits::max()));
-  if (bytes_) {
-    SumBytes(byte_table_.data(), codes, parts_, num_blocks, sums_.data());
-  } else {
-    SumWords(word_table_.data(), codes, parts_, num_blocks, sums_.data());
-  }
+#if defined(__x86_64__)
+  if (!bytes_) SumWords(word_table_.data(), codes, parts_, num_blocks, sums_.data());
+#endif
+  if (bytes_) SumBytes(byte_table_.data(), codes, parts_, num_blocks, sums_.data());
   FindGreat(sums_.data(), norm2, num_blocks, limit, shift_, found);
 }
 

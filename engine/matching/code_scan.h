@@ -22,7 +22,15 @@ constexpr int ScanPlace(int i) { return i % 32 * 2 + i / 32; }
 class CodeScan {
  public:
   // Whether a path has such a lookup; on others nothing here is to be called.
-  static bool Has(CpuPath path) { return path >= CpuPath::kAvx512 && path != CpuPath::kNeonDot; }
+  static bool Has([[maybe_unused]] CpuPath path) {
+#if defined(__x86_64__)
+    return path >= CpuPath::kAvx512;
+#elif defined(__aarch64__)
+    return true;
+#else
+    return false;
+#endif
+  }
   // parts in 1..128: sums of bytes fit into 16 bits
   CodeScan(int parts, CpuPath path);
 

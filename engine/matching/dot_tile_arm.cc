@@ -23,6 +23,45 @@ std::int16_t WideValue(const std::uint8_t* bytes) {
 
 constexpr std::size_t kTail = 16;  // of a block, whose longest row it tells; a whole vector
 
+// Of one query with the rows of a block.
+struct Products {
+  int32x4_t of_rows[kTileRows / 4];
+};
+
+Products Load(const std::int32_t* values) {
+  Products loaded;
+  for (int v = 0; v < kTileRows / 4; ++v) loaded.of_rows[v] = vld1q_s32(values + 4 * v);
+  return loaded;
+}
+
+// Writes the likeness of a query's rows; returns which are above its limit.
+std::uint32_t WriteLikeness(const Products& products, const std::int32_t* norm2, std::int32_t limit,
+                            std::int32_t* likeness) {
+  uint32x4_t any = vdupq_n_u32(0);
+  for (int v = 0; v < kTileRows / 4; ++v) {
+    const int32x4_t like = vsubq_s32(vshlq_n_s32(products.of_rows[v], 1), vld1q_s32(norm2 + 4 * v));
+    vst1q_s32(likeness + 4 * v, like);
+    any = vorrq_u32(any, vcgtq_s32(like, vdupq_n_s32(limit)));
+  }
+  if (vmaxvq_u32(any) == 0) return 0;  // as nearly always
+  std::uint32_t above = 0;
+  for (int r = 0; r < kTileRows; ++r) above |= likeness[r] > limit ? 1U << r : 0U;
+  return above;
+}
+
+// Of queries begin .. end - 1, whose products `likeness` holds: they become likeness. Returns
+// whether any is above its limit.
+bool CompareWide(const std::int32_t* norm2, const std::int32_t* limits, int begin, int end,
+                 DotTile::Likeness& likeness) {
+  std::uint32_t any = 0;
+  for (int q = begin; q < end; ++q) {
+    std::int32_t* const like = likeness.of_query[q];
+    likeness.above[q] = WriteLikeness(Load(like), norm2, limits[q], like);
+    any |= likeness.above[q];
+  }
+  return any != 0;
+}
+
 struct ShortSums {
   uint16x8_t low[kHalfTile];  // of the first eight rows
   uint16x8_t high[kHalfTile];
@@ -35,9 +74,8 @@ inline void AddProducts(uint16x8_t low, uint16x8_t high, uint16x8_t values, Shor
   ((sums.high[kQuery] = vmlaq_laneq_u16(sums.high[kQuery], high, values, kQuery)), ...);
 }
 
-// Of queries first .. first + 7.
-void SumShort(const std::uint8_t* queries, const std::uint8_t* block, int depth, int first,
-              std::int32_t* products, std::size_t stride) {
+// Of queries first .. first + 7: twice as many sums a vector.
+ShortSums SumShort(const std::uint8_t* queries, const std::uint8_t* block, int depth, int first) {
   ShortSums sums;
   for (int i = 0; i < kHalfTile; ++i) sums.low[i] = sums.high[i] = vdupq_n_u16(0);
   for (int d = 0; d < depth; ++d) {
@@ -48,15 +86,15 @@ void SumShort(const std::uint8_t* queries, const std::uint8_t* block, int depth,
     AddProducts(load(rows), load(rows + kTileRows), load(queries + 2 * (d * kTileQueries + first)),
                 sums, std::make_index_sequence<kHalfTile>());
   }
-  for (int i = 0; i < kHalfTile; ++i) {
-    std::int32_t* out = products + (first + i) * stride;
-    for (const uint16x8_t eight : {sums.low[i], sums.high[i]}) {
-      const int16x8_t sum = vreinterpretq_s16_u16(eight);
-      vst1q_s32(out, vmovl_s16(vget_low_s16(sum)));
-      vst1q_s32(out + 4, vmovl_high_s16(sum));
-      out += 8;
-    }
-  }
+  return sums;
+}
+
+// The sums of a query as 32-bit numbers.
+Products ProductsOf(const ShortSums& sums, int i) {
+  const int16x8_t low = vreinterpretq_s16_u16(sums.low[i]);
+  const int16x8_t high = vreinterpretq_s16_u16(sums.high[i]);
+  return {vmovl_s16(vget_low_s16(low)), vmovl_high_s16(low), vmovl_s16(vget_low_s16(high)),
+          vmovl_high_s16(high)};
 }
 
 // The same where sums of 16 bits would not do.
@@ -84,15 +122,80 @@ void SumWide(const std::uint8_t* queries, const std::uint8_t* block, int depth, 
   }
 }
 
+constexpr std::size_t PlainBlockBytes(int depth) {
+  return std::size_t{kTileRows} * 2 * depth + kTail;
+}
+
+// Whether sums of 16 bits do for queries first .. first + 7.
+bool HalfFitsShort(const std::uint8_t* queries, const std::uint8_t* block, int depth, int first) {
+  const std::uint8_t* const lengths = queries + 2 * depth * kTileQueries;
+  return FitShort(LongestQuery(lengths + 4 * first, kHalfTile),
+                  FourBytes(block + 2 * depth * kTileRows));
+}
+
 void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int depth,
                    std::int32_t* products, std::size_t stride) {
-  const std::uint8_t* const lengths = queries + 2 * depth * kTileQueries;
-  const std::int32_t longest_row2 = FourBytes(block + 2 * depth * kTileRows);
   for (int first = 0; first < kTileQueries; first += kHalfTile) {
-    const std::int32_t longest2 = LongestQuery(lengths + 4 * first, kHalfTile);
-    const auto sum = FitShort(longest2, longest_row2) ? SumShort : SumWide;
-    sum(queries, block, depth, first, products, stride);
+    if (!HalfFitsShort(queries, block, depth, first)) {
+      SumWide(queries, block, depth, first, products, stride);
+      continue;
+    }
+    const ShortSums sums = SumShort(queries, block, depth, first);
+    for (int i = 0; i < kHalfTile; ++i) {
+      const Products of_query = ProductsOf(sums, i);
+      for (int v = 0; v < kTileRows / 4; ++v) {
+        vst1q_s32(products + (first + i) * stride + 4 * v, of_query.of_rows[v]);
+      }
+    }
   }
+}
+
+// Half of each of eight norms, rounded down, cut to 16 bits.
+int16x8_t HalfNorms(const std::int32_t* norm2) {
+  return vcombine_s16(vqmovn_s32(vshrq_n_s32(vld1q_s32(norm2), 1)),
+                      vqmovn_s32(vshrq_n_s32(vld1q_s32(norm2 + 4), 1)));
+}
+
+// What is above a limit in 32 bits is so in 16, too: see dot_tile_kernels.h.
+bool CompareShort(const ShortSums& sums, const std::int32_t* norm2, const std::int32_t* limits,
+                  int first, DotTile::Likeness& likeness) {
+  const int16x8_t least = vdupq_n_s16(kLeastDifference);
+  const int16x8_t half_low = HalfNorms(norm2), half_high = HalfNorms(norm2 + 8);
+  std::uint32_t any = 0;
+  for (int i = 0; i < kHalfTile; ++i) {
+    const int q = first + i;
+    const int16x8_t limit = vdupq_n_s16(HalfLimit(limits[q]));
+    const auto may_be = [&](uint16x8_t sum, int16x8_t half) {
+      const int16x8_t difference = vqsubq_s16(vreinterpretq_s16_u16(sum), half);
+      return vcgtq_s16(vmaxq_s16(difference, least), limit);
+    };
+    const uint16x8_t either =
+        vorrq_u16(may_be(sums.low[i], half_low), may_be(sums.high[i], half_high));
+    likeness.above[q] = vmaxvq_u16(either) == 0 ? 0
+                                                : WriteLikeness(ProductsOf(sums, i), norm2,
+                                                                limits[q], likeness.of_query[q]);
+    any |= likeness.above[q];
+  }
+  return any != 0;
+}
+
+int FindAbovePlain(const std::uint8_t* queries, const DotTile::Blocks& blocks, int begin, int depth,
+                   const std::int32_t* limits, DotTile::Likeness& likeness) {
+  for (int b = begin; b < blocks.size; ++b) {
+    const std::uint8_t* const block = blocks.rows + b * PlainBlockBytes(depth);
+    const std::int32_t* const norm2 = blocks.norm2 + b * kTileRows;
+    bool any = false;
+    for (int first = 0; first < kTileQueries; first += kHalfTile) {
+      if (HalfFitsShort(queries, block, depth, first)) {
+        any |= CompareShort(SumShort(queries, block, depth, first), norm2, limits, first, likeness);
+      } else {
+        SumWide(queries, block, depth, first, likeness.of_query[0], kTileRows);
+        any |= CompareWide(norm2, limits, first, first + kHalfTile, likeness);
+      }
+    }
+    if (any) return b;
+  }
+  return blocks.size;
 }
 
 #else
@@ -113,11 +216,11 @@ void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int d
   }
 }
 
-#endif
+constexpr std::size_t PlainBlockBytes(int depth) { return std::size_t{kTileRows} * 2 * depth; }
 
-constexpr std::size_t PlainBlockBytes(int depth) {
-  return std::size_t{kTileRows} * 2 * depth + kTail;
-}
+constexpr auto FindAbovePlain = FindAboveBy<ProductsPlain, PlainBlockBytes>;
+
+#endif
 
 #ifdef VIEWFIX_NEON_DOT
 
@@ -152,6 +255,16 @@ constexpr std::size_t NeonDotBlockBytes(int depth) { return std::size_t{kTileRow
   }
 }
 
+int FindAboveNeonDot(const std::uint8_t* queries, const DotTile::Blocks& blocks, int begin,
+                     int depth, const std::int32_t* limits, DotTile::Likeness& likeness) {
+  for (int b = begin; b < blocks.size; ++b) {
+    ProductsNeonDot(queries, blocks.rows + b * NeonDotBlockBytes(depth), depth,
+                    likeness.of_query[0], kTileRows);
+    if (CompareWide(blocks.norm2 + b * kTileRows, limits, 0, kTileQueries, likeness)) return b;
+  }
+  return blocks.size;
+}
+
 #endif
 
 }  // namespace
@@ -164,7 +277,7 @@ DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
     k.together = kBytesTogether;
     k.value_bytes = 1;
     k.products = ProductsNeonDot;
-    k.find_above = FindAboveBy<ProductsNeonDot, NeonDotBlockBytes>;
+    k.find_above = FindAboveNeonDot;
     return k;
   }
 #endif
@@ -172,7 +285,7 @@ DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
   k.value_bytes = 2;
   k.lengths_bytes = kTail;
   k.products = ProductsPlain;
-  k.find_above = FindAboveBy<ProductsPlain, PlainBlockBytes>;
+  k.find_above = FindAbovePlain;
   return k;
 }
 

@@ -34,6 +34,17 @@ inline bool FitShort(std::int32_t query_norm2, std::int32_t row_norm2) {
   return std::int64_t{query_norm2} * row_norm2 <= kMaxShort * kMaxShort;
 }
 
+// What is above a limit in 32 bits, 2 q'r - |r|^2 > limit, is so in 16 bits, too: q'r - |r|^2 / 2,
+// the half rounded down and the difference cut to at least this, > HalfLimit(limit). A little of
+// what is not is as well.
+inline constexpr std::int16_t kLeastDifference = std::numeric_limits<std::int16_t>::min() + 1;
+
+inline std::int16_t HalfLimit(std::int32_t limit) {
+  using Short = std::numeric_limits<std::int16_t>;
+  return static_cast<std::int16_t>(
+      std::clamp<std::int32_t>(limit >> 1, Short::min(), Short::max()));
+}
+
 // Of n queries, whose squared lengths begin at `norm2`.
 inline std::int32_t LongestQuery(const std::uint8_t* norm2, int n) {
   std::int32_t longest = 0;

@@ -179,25 +179,20 @@ Halves HalvesOf(const std::uint8_t* tile, int depth) {
   return _mm256_permute4x64_epi64(packed, 0b11'01'10'00);
 }
 
-// What is above a limit in 32 bits is so in 16, too: q'r - |r|^2 / 2 > limit / 2, both halves
-// rounded down, and the difference cut to what is greater than the least limit.
-//   limits, likeness, above: of half a tile
+// Of half a tile: limits, likeness, above.
 [[gnu::target("avx2")]] bool CompareShort(const std::uint8_t* half_tile, const std::uint8_t* block,
                                           int depth, const std::int32_t* norm2,
                                           const std::int32_t* limits,
                                           std::int32_t (*likeness)[kTileRows],
                                           std::uint32_t* above) {
-  using Short = std::numeric_limits<std::int16_t>;
   const ShortSums sums = SumShort(half_tile, block, depth);
   const __m256i half_norms = HalfNorms(norm2);
-  const __m256i least = _mm256_set1_epi16(Short::min() + 1);
+  const __m256i least = _mm256_set1_epi16(kLeastDifference);
   std::uint32_t any = 0;
   for (int i = 0; i < kHalfTile; ++i) {
-    const int half_limit = std::clamp<int>(limits[i] >> 1, Short::min(), Short::max());
     const __m256i difference =
         _mm256_max_epi16(_mm256_subs_epi16(sums.of_query[i], half_norms), least);
-    const __m256i may_be =
-        _mm256_cmpgt_epi16(difference, _mm256_set1_epi16(static_cast<std::int16_t>(half_limit)));
+    const __m256i may_be = _mm256_cmpgt_epi16(difference, _mm256_set1_epi16(HalfLimit(limits[i])));
     above[i] = _mm256_testz_si256(may_be, may_be) != 0
                    ? 0
                    : WriteLikeness(sums.of_query[i], norm2, limits[i], likeness[i]);

@@ -187,6 +187,10 @@ void PlaceEvidence::Take(std::uint32_t detail, std::int32_t distance2, int hidde
 
 //   base  |q|^2 - 2 q'w of the feature q and the list's word w
 void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, int hidden) {
+  if (scan_) {  // a rare descriptor that cannot be scanned
+    for (std::uint32_t d = list[0]; d < list[1]; ++d) Compare(base, d, hidden);
+    return;
+  }
   switch (details_.parts) {  // those that `train` makes are unrolled
     case 8:
       return CompareEachOf<8>(base, list, hidden);
@@ -199,7 +203,7 @@ void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, in
   }
 }
 
-// kParts: as many as there are, or 0
+// Of codes that lie side by side. kParts: as many as there are, or 0
 template <int kParts>
 void PlaceEvidence::CompareEachOf(std::int32_t base, const std::uint32_t* list, int hidden) {
   const int parts = kParts == 0 ? details_.parts : kParts;
