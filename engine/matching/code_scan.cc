@@ -37,13 +37,13 @@ CodeScan::CodeScan(int parts, CpuPath path)
 #if defined(__x86_64__) || defined(__aarch64__)
 namespace {
 
+constexpr int kHalf = kScanBlock / 2;
+static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
+
 #if defined(__x86_64__)
 
 #define VIEWFIX_WORDS "avx512f,avx512bw"
 #define VIEWFIX_BYTES "avx512f,avx512bw,avx512vbmi"
-
-constexpr int kHalf = kScanBlock / 2;  // 16-bit numbers of a vector
-static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
 
 // The 256 values of one part.
 template <int kVectors>
@@ -163,9 +163,6 @@ uint8x16_t LookUp(const ByteTable& table, uint8x16_t codes) {
   }
   return values;
 }
-
-constexpr int kHalf = kScanBlock / 2;
-static_assert(ScanPlace(1) == 2 && ScanPlace(kHalf) == 1);
 
 // Part after part, so that a part's table stays in registers.
 void SumBytes(const std::uint8_t* table, const std::uint8_t* codes, int parts, int num_blocks,

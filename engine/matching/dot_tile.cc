@@ -27,9 +27,10 @@ DotTile::DotTile(int dim, CpuPath path)
       tile_end_(std::size_t{kTileQueries} * depth_ * kernels_.value_bytes * kernels_.copies),
       block_end_(std::size_t{kTileRows} * depth_ * kernels_.value_bytes),
       tile_bytes_(tile_end_),
-      block_bytes_(block_end_ + kernels_.lengths_bytes) {
+      block_bytes_(block_end_ + kernels_.block_tail_bytes) {
   assert(dim >= 1 && dim <= kMaxDescriptorDim);
-  if (kernels_.row_offset != 0 || kernels_.lengths_bytes != 0) {
+  assert(kernels_.row_offset == 0 || kernels_.block_tail_bytes == 0);
+  if (kernels_.row_offset != 0 || kernels_.block_tail_bytes != 0) {
     tile_bytes_ += kTileQueries * sizeof(std::int32_t);
   }
 }
@@ -44,8 +45,7 @@ void DotTile::PackQuery(std::span<const std::int8_t> descriptor, int query,
     put(-kernels_.row_offset *
         std::accumulate(descriptor.begin(), descriptor.end(), std::int32_t{0}));
   }
-  if (kernels_.lengths_bytes == 0) return;
-  // -128 has no negative among bytes.
+  if (kernels_.block_tail_bytes == 0) return;
   const bool fits = std::ranges::find(descriptor, -128) == descriptor.end();
   put(fits ? Norm2(descriptor) : std::numeric_limits<std::int32_t>::max());
 }
@@ -58,7 +58,7 @@ void DotTile::PackQueries(std::span<const std::int8_t> descriptors, std::uint8_t
 
 void DotTile::PackRow(std::span<const std::int8_t> descriptor, int row, std::uint8_t* block) const {
   kernels_.pack_row(descriptor, row, kernels_.row_offset, depth_, block);
-  if (kernels_.lengths_bytes == 0) return;
+  if (kernels_.block_tail_bytes == 0) return;
   std::int32_t longest2 = 0;
   if (row > 0) std::memcpy(&longest2, block + block_end_, sizeof(longest2));
   longest2 = std::max(longest2, Norm2(descriptor));

@@ -57,7 +57,7 @@ class DotTile {
 
   struct Blocks {
     const std::uint8_t* rows;   // [size][block_bytes]
-    const std::int32_t* norm2;  // [size][kTileRows] |r|^2
+    const std::int32_t* norm2;  // [size][kTileRows] |r|^2; any up to the largest if r is zero
     int size;
   };
   // The first of the blocks from `begin` on in which any query has a row above its limit, and the
@@ -81,9 +81,10 @@ class DotTile {
     int value_bytes = 1;  // 2: values are widened to 16 bits
     // Added to rows' values; tiles end with what takes it back, if it is not 0.
     int row_offset = 0;
-    // If not 0, what blocks end with, the squared length of the longest row first; tiles then end
-    // with their queries' squared lengths.
-    std::size_t lengths_bytes = 0;
+    // If not 0, bytes that blocks end with, the squared length of the longest row first; tiles then
+    // end with their queries' squared lengths, the largest number for what has a -128, whose
+    // negative is no byte.
+    std::size_t block_tail_bytes = 0;
 
     void (*products)(const std::uint8_t* queries, const std::uint8_t* block, int depth,
                      std::int32_t* products, std::size_t stride) = nullptr;

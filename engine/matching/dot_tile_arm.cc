@@ -67,11 +67,19 @@ struct ShortSums {
   uint16x8_t high[kHalfTile];
 };
 
-template <std::size_t... kQuery>
-inline void AddProducts(uint16x8_t low, uint16x8_t high, uint16x8_t values, ShortSums& sums,
-                        std::index_sequence<kQuery...>) {
-  ((sums.low[kQuery] = vmlaq_laneq_u16(sums.low[kQuery], low, values, kQuery)), ...);
-  ((sums.high[kQuery] = vmlaq_laneq_u16(sums.high[kQuery], high, values, kQuery)), ...);
+// sums + rows * values[kQuery]. A function of its own: clang's intrinsic is a macro.
+template <int kQuery>
+[[gnu::always_inline]] inline uint16x8_t AddProduct(uint16x8_t sums, uint16x8_t rows,
+                                                    uint16x8_t values) {
+  return vmlaq_laneq_u16(sums, rows, values, kQuery);
+}
+
+template <int... kQuery>
+[[gnu::always_inline]] inline void AddProducts(uint16x8_t low, uint16x8_t high, uint16x8_t values,
+                                               ShortSums& sums,
+                                               std::integer_sequence<int, kQuery...>) {
+  ((sums.low[kQuery] = AddProduct<kQuery>(sums.low[kQuery], low, values)), ...);
+  ((sums.high[kQuery] = AddProduct<kQuery>(sums.high[kQuery], high, values)), ...);
 }
 
 // Of queries first .. first + 7: twice as many sums a vector.
@@ -84,7 +92,7 @@ ShortSums SumShort(const std::uint8_t* queries, const std::uint8_t* block, int d
     };
     const std::uint8_t* const rows = block + 2 * d * kTileRows;
     AddProducts(load(rows), load(rows + kTileRows), load(queries + 2 * (d * kTileQueries + first)),
-                sums, std::make_index_sequence<kHalfTile>());
+                sums, std::make_integer_sequence<int, kHalfTile>());
   }
   return sums;
 }
@@ -126,17 +134,26 @@ constexpr std::size_t PlainBlockBytes(int depth) {
   return std::size_t{kTileRows} * 2 * depth + kTail;
 }
 
-// Whether sums of 16 bits do for queries first .. first + 7.
-bool HalfFitsShort(const std::uint8_t* queries, const std::uint8_t* block, int depth, int first) {
-  const std::uint8_t* const lengths = queries + 2 * depth * kTileQueries;
-  return FitShort(LongestQuery(lengths + 4 * first, kHalfTile),
-                  FourBytes(block + 2 * depth * kTileRows));
+// Of each half of a tile.
+struct Longest2 {
+  std::int32_t of_half[2];
+};
+
+Longest2 LongestOf(const std::uint8_t* tile, int depth) {
+  const std::uint8_t* const norm2 = tile + 2 * depth * kTileQueries;
+  return {LongestQuery(norm2, kHalfTile), LongestQuery(norm2 + 4 * kHalfTile, kHalfTile)};
+}
+
+std::int32_t LongestRow(const std::uint8_t* block, int depth) {
+  return FourBytes(block + 2 * depth * kTileRows);
 }
 
 void ProductsPlain(const std::uint8_t* queries, const std::uint8_t* block, int depth,
                    std::int32_t* products, std::size_t stride) {
-  for (int first = 0; first < kTileQueries; first += kHalfTile) {
-    if (!HalfFitsShort(queries, block, depth, first)) {
+  const Longest2 longest2 = LongestOf(queries, depth);
+  for (int half = 0; half < 2; ++half) {
+    const int first = half * kHalfTile;
+    if (!FitShort(longest2.of_half[half], LongestRow(block, depth))) {
       SumWide(queries, block, depth, first, products, stride);
       continue;
     }
@@ -181,12 +198,14 @@ bool CompareShort(const ShortSums& sums, const std::int32_t* norm2, const std::i
 
 int FindAbovePlain(const std::uint8_t* queries, const DotTile::Blocks& blocks, int begin, int depth,
                    const std::int32_t* limits, DotTile::Likeness& likeness) {
+  const Longest2 longest2 = LongestOf(queries, depth);
   for (int b = begin; b < blocks.size; ++b) {
     const std::uint8_t* const block = blocks.rows + b * PlainBlockBytes(depth);
     const std::int32_t* const norm2 = blocks.norm2 + b * kTileRows;
     bool any = false;
-    for (int first = 0; first < kTileQueries; first += kHalfTile) {
-      if (HalfFitsShort(queries, block, depth, first)) {
+    for (int half = 0; half < 2; ++half) {
+      const int first = half * kHalfTile;
+      if (FitShort(longest2.of_half[half], LongestRow(block, depth))) {
         any |= CompareShort(SumShort(queries, block, depth, first), norm2, limits, first, likeness);
       } else {
         SumWide(queries, block, depth, first, likeness.of_query[0], kTileRows);
@@ -283,7 +302,7 @@ DotTile::Kernels DotTile::KernelsFor([[maybe_unused]] CpuPath path) {
 #endif
   k.pack_query = k.pack_row = PackAs<std::int16_t, 1, 1>;
   k.value_bytes = 2;
-  k.lengths_bytes = kTail;
+  k.block_tail_bytes = kTail;
   k.products = ProductsPlain;
   k.find_above = FindAbovePlain;
   return k;

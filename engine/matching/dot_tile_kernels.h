@@ -24,10 +24,9 @@ inline std::int32_t FourBytes(const std::uint8_t* values) {
   return four;
 }
 
-// Sums of 16 bits. By Cauchy and Schwarz no product of two descriptors, nor what any of their
-// values add to it, is beyond |q| |r|: where that fits into 16 bits, so does the sum, whatever
-// its parts wrapped around to. SURF's descriptors are of length 127; of much longer ones sums of
-// 32 bits are made.
+// Sums of 16 bits. By Cauchy and Schwarz neither the product of two descriptors nor that of any of
+// their values alone is beyond |q| |r|: where that fits into 16 bits, so does all that is summed on
+// the way. SURF's descriptors are of length 127; of much longer ones sums of 32 bits are made.
 inline constexpr std::int64_t kMaxShort = std::numeric_limits<std::int16_t>::max();
 
 inline bool FitShort(std::int32_t query_norm2, std::int32_t row_norm2) {

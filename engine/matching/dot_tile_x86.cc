@@ -3,9 +3,7 @@
 
 #include <immintrin.h>
 
-#include <algorithm>
 #include <cstring>
-#include <limits>
 
 #include "engine/matching/dot_tile_kernels.h"
 
@@ -49,7 +47,7 @@ void ProductsSse2(const std::uint8_t* queries, const std::uint8_t* block, int de
 constexpr int kShortTogether = 2;
 constexpr int kShortCopies = 2;  // of a query's pair: 32 bits are copied to all lanes at once
 
-constexpr std::size_t kShortTail = sizeof(__m256i);  // of a block: the next one begins a vector
+constexpr std::size_t kShortTail = sizeof(__m256i);  // blocks stay aligned as the first one is
 
 constexpr std::size_t ShortTileEnd(int depth) {
   return std::size_t{kTileQueries} * kShortCopies * depth;
@@ -296,7 +294,7 @@ struct TileSums {
 
 #define VIEWFIX_VNNI "avx512f,avx512bw,avx512vnni"
 
-// Rows' bytes are kRowOffset too large; what the sums begin with takes it back.
+// Rows' bytes are kVnniOffset too large; what the sums begin with takes it back.
 [[gnu::target(VIEWFIX_VNNI)]] inline TileSums SumBytes512(const std::uint8_t* queries,
                                                           const std::uint8_t* block, int depth) {
   TileSums sums;
@@ -350,7 +348,7 @@ DotTile::Kernels DotTile::KernelsFor(CpuPath path) {
       k.together = kShortTogether;
       k.value_bytes = 1;
       k.copies = kShortCopies;
-      k.lengths_bytes = kShortTail;
+      k.block_tail_bytes = kShortTail;
       k.products = ProductsAvx2;
       k.find_above = FindAboveAvx2;
       return k;

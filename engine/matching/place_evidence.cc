@@ -208,7 +208,7 @@ template <int kParts>
 void PlaceEvidence::CompareEachOf(std::int32_t base, const std::uint32_t* list, int hidden) {
   const int parts = kParts == 0 ? details_.parts : kParts;
   const std::int32_t* const table = table_;
-  const std::uint8_t* codes = &codes_[std::size_t{list[0]} * parts];
+  const std::uint8_t* codes = codes_.data() + std::size_t{list[0]} * parts;
   for (std::uint32_t d = list[0]; d < list[1]; ++d, codes += parts) {
     const std::int32_t rest = base - 2 * SumCodes(table, codes, 1, parts);
     if (rest + norm2_[d] >= nearest_.second_distance2) continue;

@@ -5,7 +5,8 @@
 #
 #   tests/toolchains/same_fixes.sh [--frames N | --full] [ARCH...]
 #
-# ARCH        aarch64 or armhf; default: both
+# ARCH        aarch64, cortex-a53 (aarch64 on a processor without dot products of bytes) or
+#             armhf; default: all three
 # --frames N  so many test images of each set, evenly spread (default 20)
 # --full      all test images: the museum's, and those of the real image sets in
 #             $VIEWFIX_DATA, else ../shared/data; about a second a frame. It takes an hour
@@ -25,13 +26,21 @@ readonly WORK="$ROOT/build/same_fixes"
 archs=()
 rows=()
 
-board_program() { echo "$ROOT/build/$1-release/bin/viewfixd"; }
+board_program() { echo "$ROOT/build/${1/cortex-a53/aarch64}-release/bin/viewfixd"; }
 
 qemu_of() {
   case $1 in
-    aarch64) echo qemu-aarch64-static ;;
+    aarch64 | cortex-a53) echo qemu-aarch64-static ;;
     armhf) echo qemu-arm-static ;;
   esac
+}
+
+# run_on ARCH ARGUMENT...: the board's viewfixd.
+run_on() {
+  local arch=$1 cpu=max
+  shift
+  [[ $arch != cortex-a53 ]] || cpu=$arch
+  "$(qemu_of "$arch")" -cpu "$cpu" "$(board_program "$arch")" "$@"
 }
 
 # try_model ARCH MODEL: through this build's store, unsigned, as in development.
@@ -40,8 +49,7 @@ try_model() {
   store=$(mktemp -d "$WORK/store.XXXXXX")
   mkdir "$store/trust"
   touch "$store/trust/development"
-  "$(qemu_of "$1")" "$(board_program "$1")" store install "$2" \
-    --store "$store" --trust "$store/trust" > /dev/null
+  run_on "$1" store install "$2" --store "$store" --trust "$store/trust" > /dev/null
   rm -rf "$store"
 }
 
@@ -55,12 +63,12 @@ compare_set() {
   "$HOST_BIN/viewfixd" "${arguments[@]}" > "$WORK/$name-host.jsonl"
   row=$(printf '%-10s %6d' "$name" "$count")
   for arch in "${archs[@]}"; do
-    "$(qemu_of "$arch")" "$(board_program "$arch")" "${arguments[@]}" > "$WORK/$name-$arch.jsonl"
+    run_on "$arch" "${arguments[@]}" > "$WORK/$name-$arch.jsonl"
     python3 -B "$ROOT/tests/toolchains/compare_fixes.py" \
       "$WORK/$name-host.jsonl" "$WORK/$name-$arch.jsonl" "$count" ||
       die "$name: $arch gives other fixes than this machine"
     try_model "$arch" "$model"
-    row+=$(printf ' %9s' "$count")
+    row+=$(printf ' %10s' "$count")
   done
   rows+=("$row")
 }
@@ -77,7 +85,7 @@ print_table() {
   echo
   echo "Fixes identical to this machine's ($(uname -m)), every digit, times aside:"
   printf '%-10s %6s' set frames
-  printf ' %9s' "${archs[@]}"
+  printf ' %10s' "${archs[@]}"
   printf '\n'
   printf '%s\n' "${rows[@]}"
 }
@@ -93,12 +101,12 @@ main() {
         frames=$2 real=1
         shift
         ;;
-      aarch64 | armhf) archs+=("$1") ;;
+      aarch64 | cortex-a53 | armhf) archs+=("$1") ;;
       *) usage_error "unknown argument '$1'" ;;
     esac
     shift
   done
-  [[ ${#archs[@]} -gt 0 ]] || archs=(aarch64 armhf)
+  [[ ${#archs[@]} -gt 0 ]] || archs=(aarch64 cortex-a53 armhf)
   for name in viewfix viewfixd; do
     [[ -x $HOST_BIN/$name ]] || die "$HOST_BIN/$name is not built"
   done

@@ -4,7 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <numeric>
+#include <utility>
 #include <vector>
 
 #include "tests/engine/matching/random_bytes.h"
@@ -112,49 +115,146 @@ TEST(DotTile, WritesProductsApart) {
   }
 }
 
-TEST(DotTile, FindsTheBlocksThatAreAboveALimit) {
-  constexpr int kDim = 9, kBlocks = 4;
-  const std::vector<std::int8_t> queries = RandomBytes(kTileQueries * kDim, 3);
-  std::vector<std::int32_t> norm2(kBlocks * kTileRows);
-  for (int r = 0; r < kBlocks * kTileRows; ++r) {
-    norm2[r] = 1000 * r + (r / kTileRows == 2 ? 0 : 200'000);
+using Descriptors = std::vector<std::int8_t>;  // [n, dim]
+
+// Of about this length each, in random directions.
+Descriptors OfLength(int n, int dim, double length, std::uint64_t seed) {
+  Descriptors descriptors = RandomBytes(n * dim, seed);
+  for (int i = 0; i < n; ++i) {
+    double norm2 = 1;
+    for (int d = 0; d < dim; ++d)
+      norm2 += double(descriptors[i * dim + d]) * descriptors[i * dim + d];
+    for (int d = 0; d < dim; ++d) {
+      std::int8_t& value = descriptors[i * dim + d];
+      value = static_cast<std::int8_t>(value * std::min(1.0, length / std::sqrt(norm2)));
+    }
   }
+  return descriptors;
+}
+
+std::int32_t Dot(const std::int8_t* a, const std::int8_t* b, int dim) {
+  return std::inner_product(a, a + dim, b, 0);
+}
+
+// Rows of whole blocks, with their squared lengths.
+struct Rows {
+  Descriptors rows;
+  std::vector<std::int32_t> norm2;
+  int dim;
+
+  int blocks() const { return static_cast<int>(norm2.size()) / kTileRows; }
+  std::int32_t LikenessOf(const std::int8_t* query, int row) const {
+    return 2 * Dot(query, &rows[row * dim], dim) - norm2[row];
+  }
+};
+
+Rows RowsOf(const Descriptors& descriptors, int dim) {
+  Rows rows = {descriptors, {}, dim};
+  for (std::size_t r = 0; r < descriptors.size(); r += dim) {
+    rows.norm2.push_back(Dot(&descriptors[r], &descriptors[r], dim));
+  }
+  return rows;
+}
+
+// Every block, in order, as FindAbove() gives them on every path.
+void ExpectFound(const Descriptors& queries, const Rows& rows,
+                 const std::vector<std::int32_t>& limits) {
   for (const CpuPath path : CpuPathsHere()) {
-    const DotTile tile(kDim, path);
-    std::vector<std::uint8_t> rows;
-    Packed packed;
-    std::vector<std::vector<std::int32_t>> products(kBlocks);
-    for (int b = 0; b < kBlocks; ++b) {
-      packed = Pack(tile, queries, RandomBytes(kTileRows * kDim, b + 5), kDim);
-      rows.insert(rows.end(), packed.block.begin(), packed.block.end());
-      products[b].resize(kTileQueries * kTileRows);
-      tile.Products(packed.queries.data(), packed.block.data(), products[b].data());
-    }
-    const auto likeness_of = [&](int b, int q, int r) {
-      return 2 * products[b][q * kTileRows + r] - norm2[b * kTileRows + r];
-    };
-    // Only query 5 goes beyond its limit, in block 2.
-    std::vector<std::int32_t> limits(kTileQueries, std::numeric_limits<std::int32_t>::max());
-    limits[5] = likeness_of(2, 5, 7) - 1;
-    for (const int b : {0, 1, 3}) {
-      for (int r = 0; r < kTileRows; ++r) ASSERT_LE(likeness_of(b, 5, r), limits[5]);
-    }
+    const DotTile tile(rows.dim, path);
+    std::vector<std::uint8_t> packed(tile.tile_bytes());
+    tile.PackQueries(queries, packed.data());
+    const std::vector<std::uint8_t> blocks = tile.PackBlocks(rows.rows);
     DotTile::Likeness likeness;
-    const DotTile::Blocks blocks = {rows.data(), norm2.data(), kBlocks};
-    const auto find = [&](int begin) {
-      return tile.FindAbove(packed.queries.data(), blocks, begin, limits.data(), likeness);
-    };
-    ASSERT_EQ(find(3), kBlocks) << static_cast<int>(path);
-    ASSERT_EQ(find(0), 2) << static_cast<int>(path);
-    for (int q = 0; q < kTileQueries; ++q) {
-      for (int r = 0; r < kTileRows; ++r) {
-        if (likeness.above[q] != 0) {
-          ASSERT_EQ(likeness.of_query[q][r], likeness_of(2, q, r)) << static_cast<int>(path);
+    int next = 0;
+    for (int b = 0; b < rows.blocks(); ++b) {
+      std::vector<std::uint32_t> above(kTileQueries);
+      for (int q = 0; q < kTileQueries; ++q) {
+        for (int r = 0; r < kTileRows; ++r) {
+          const auto like = rows.LikenessOf(&queries[q * rows.dim], b * kTileRows + r);
+          above[q] |= like > limits[q] ? 1U << r : 0U;
         }
-        ASSERT_EQ(likeness.above[q] >> r & 1U, likeness_of(2, q, r) > limits[q] ? 1U : 0U);
+      }
+      if (std::ranges::count(above, 0U) == kTileQueries) continue;
+      const int found =
+          tile.FindAbove(packed.data(), {blocks.data(), rows.norm2.data(), rows.blocks()}, next,
+                         limits.data(), likeness);
+      ASSERT_EQ(found, b) << "path " << static_cast<int>(path) << " dim " << rows.dim;
+      next = b + 1;
+      for (int q = 0; q < kTileQueries; ++q) {
+        ASSERT_EQ(likeness.above[q], above[q]) << "path " << static_cast<int>(path);
+        for (int r = 0; r < kTileRows && above[q] != 0; ++r) {
+          ASSERT_EQ(likeness.of_query[q][r],
+                    rows.LikenessOf(&queries[q * rows.dim], b * kTileRows + r));
+        }
       }
     }
-    ASSERT_EQ(find(2), 2);
+    ASSERT_EQ(tile.FindAbove(packed.data(), {blocks.data(), rows.norm2.data(), rows.blocks()}, next,
+                             limits.data(), likeness),
+              rows.blocks());
+  }
+}
+
+TEST(DotTile, IsExactForDescriptorsOfUsualLength) {
+  for (const int dim : {2, 7, 64, 72, 127, 128}) {
+    const Descriptors queries = OfLength(kTileQueries, dim, 127, 8);
+    ExpectExactProducts(queries, OfLength(kTileRows, dim, 127, 9), dim);
+    ExpectExactProducts(queries, queries, dim);
+  }
+}
+
+// 7 u and 31 u with |u|^2 = 151.
+TEST(DotTile, HoldsTheGreatestAndTheLeastShortSum) {
+  constexpr int kDim = 124;
+  for (const int sign : {1, -1}) {
+    Descriptors queries, rows;
+    for (int i = 0; i < kTileQueries * kDim; ++i) {
+      const int u = i % kDim < 9 ? 2 : 1;
+      queries.push_back(static_cast<std::int8_t>(sign * 7 * u));
+      rows.push_back(static_cast<std::int8_t>(31 * u));
+    }
+    ASSERT_EQ(Dot(queries.data(), rows.data(), kDim), sign * 32767);
+    ExpectExactProducts(queries, rows, kDim);
+  }
+}
+
+TEST(DotTile, FindsTheBlocksThatAreAboveALimit) {
+  using Int = std::numeric_limits<std::int32_t>;
+  for (const int dim : {7, 64, 72, 128}) {
+    const Descriptors queries = OfLength(kTileQueries, dim, 127, 3);
+    // Usual rows; one long one in a block of them; a block of long ones; zeros.
+    Descriptors all = OfLength(3 * kTileRows, dim, 127, 4);
+    std::fill_n(all.begin() + (kTileRows + 5) * dim, dim, std::int8_t{127});
+    const Descriptors far = OfLength(kTileRows, dim, 700, 5);
+    all.insert(all.end(), far.begin(), far.end());
+    all.resize(all.size() + std::size_t{kTileRows} * dim);
+    const Rows rows = RowsOf(all, dim);
+    // Each query's own limit lies just below, at and above what one of the rows has.
+    for (int first = 0; first < rows.blocks() * kTileRows; first += 7) {
+      for (const int more : {-1, 0, 1}) {
+        std::vector<std::int32_t> limits;
+        for (int q = 0; q < kTileQueries; ++q) {
+          const int row = (first + 13 * q) % (rows.blocks() * kTileRows);
+          limits.push_back(rows.LikenessOf(&queries[q * dim], row) + more);
+        }
+        ExpectFound(queries, rows, limits);
+      }
+    }
+    for (const std::int32_t limit : {Int::min(), Int::min() + 1, -65538, -65537, -65536, -65535, -1,
+                                     0, 65534, 65535, 65536, 65537, Int::max()}) {
+      std::vector<std::int32_t> limits(kTileQueries, Int::max());
+      limits[5] = limit;
+      ExpectFound(queries, rows, limits);
+    }
+  }
+}
+
+TEST(DotTile, ZerosMayCountAsFarAway) {
+  constexpr int kDim = 64;
+  const Descriptors queries = OfLength(kTileQueries, kDim, 127, 3);
+  Rows rows = RowsOf(Descriptors(kTileRows * kDim), kDim);
+  std::ranges::fill(rows.norm2, std::numeric_limits<std::int32_t>::max());
+  for (const std::int32_t limit : {std::numeric_limits<std::int32_t>::min(), -65536, 0}) {
+    ExpectFound(queries, rows, std::vector<std::int32_t>(kTileQueries, limit));
   }
 }
 

@@ -22,6 +22,23 @@ constexpr int kLocations = 3;
 constexpr int kMaxFeatures = 64;
 constexpr int kDetails = (kLocations + 1) * 16;
 
+struct Said {
+  std::vector<float> evidence;
+  std::vector<int> close_votes;
+
+  // Of a feature whose nearest detail of each location is so far away (squared), as the header
+  // says it.
+  void Vote(const std::vector<std::int32_t>& nearest) {
+    const auto best = std::min_element(nearest.begin(), nearest.end());
+    std::vector<std::int32_t> sorted = nearest;
+    std::sort(sorted.begin(), sorted.end());
+    const float gap = static_cast<float>(sorted[1] - sorted[0]) / PlaceEvidence::kUnit;
+    evidence[best - nearest.begin()] += gap * std::sqrt(gap);
+    constexpr std::int32_t kClose2 = PlaceEvidence::kClose * PlaceEvidence::kClose;
+    if (gap > 0 && *best < kClose2) ++close_votes[best - nearest.begin()];
+  }
+};
+
 std::vector<int> Row(const std::int8_t* row) { return {row, row + kDim}; }
 
 // Two words, three locations, random codes of two parts.
@@ -54,15 +71,10 @@ struct Site {
     return sum;
   }
 
-  struct Said {
-    std::vector<float> evidence;
-    std::vector<int> close_votes;
-  };
-  // As the header says it, over whole descriptors.
+  // Over whole descriptors.
   Said Expected(const std::vector<std::int8_t>& descriptors,
                 const std::vector<Keypoint>& keypoints) const {
-    std::vector<float> evidence(kLocations + 1, 0);
-    std::vector<int> close_votes(kLocations + 1, 0);
+    Said said = {std::vector<float>(kLocations + 1), std::vector<int>(kLocations + 1)};
     for (std::size_t q = 0; q < keypoints.size(); ++q) {
       std::vector<std::int32_t> nearest(kLocations + 1, PlaceEvidence::kFar * PlaceEvidence::kFar);
       for (int d = 0; d < kDetails; ++d) {
@@ -75,17 +87,11 @@ struct Site {
         }
         nearest[LocationOf(d)] = std::min(nearest[LocationOf(d)], distance2);
       }
-      const auto best = std::min_element(nearest.begin(), nearest.end());
-      std::vector<std::int32_t> sorted = nearest;
-      std::sort(sorted.begin(), sorted.end());
-      const float gap = static_cast<float>(sorted[1] - sorted[0]) / PlaceEvidence::kUnit;
-      evidence[best - nearest.begin()] += gap * std::sqrt(gap);
-      constexpr std::int32_t kClose2 = PlaceEvidence::kClose * PlaceEvidence::kClose;
-      if (gap > 0 && *best < kClose2) ++close_votes[best - nearest.begin()];
+      said.Vote(nearest);
     }
-    evidence.pop_back();  // the common details speak for nobody
-    close_votes.pop_back();
-    return {evidence, close_votes};
+    said.evidence.pop_back();  // the common details speak for nobody
+    said.close_votes.pop_back();
+    return said;
   }
 
   std::vector<std::int8_t> words;
@@ -114,7 +120,7 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
     PlaceEvidence evidence = site.Evidence(path);
     for (int round = 0; round < 2; ++round) {  // nothing is left over from the first
       evidence.Weigh(descriptors, keypoints, words, 2);
-      const Site::Said expected = site.Expected(descriptors, keypoints);
+      const Said expected = site.Expected(descriptors, keypoints);
       EXPECT_THAT(evidence.evidence(), ::testing::ElementsAreArray(expected.evidence));
       EXPECT_THAT(evidence.close_votes(), ::testing::ElementsAreArray(expected.close_votes));
       for (int l = 0; l < kLocations; ++l) {
@@ -135,16 +141,16 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
 // them.
 class LongLists {
  public:
-  static constexpr int kDim = 64, kParts = 8, kWords = 2, kLocations = 5, kQueries = 200;
+  static constexpr int kDim = 72, kWords = 2, kLocations = 5, kQueries = 200;
 
-  LongLists(int word_limit, int code_limit) {
+  LongLists(int word_limit, int code_limit, int parts = 8) : parts_(parts) {
     words_ = Bytes(kWords * kDim, word_limit);
     codebook_ = Bytes(kCodesOfPart * kDim, code_limit);
     for (int l = 0; l < (kLocations + 1) * 2 * kWords; ++l) {
       list_size_.push_back(static_cast<std::uint8_t>(150 + random_() % 100));
       details_ += list_size_.back();
     }
-    for (int i = 0; i < details_ * kParts; ++i) {
+    for (int i = 0; i < details_ * parts_; ++i) {
       codes_.push_back(static_cast<std::uint8_t>(random_()));
     }
     for (int q = 0; q < kQueries; ++q) AddQuery(static_cast<int>(random_() % details_));
@@ -152,6 +158,30 @@ class LongLists {
 
   std::vector<float> Evidence(CpuPath path, int hidden) const {
     return Evidence(words_, queries_, rotation_, hidden, path);
+  }
+
+  // Over whole descriptors.
+  std::vector<float> Expected(int hidden) const {
+    Said said = {std::vector<float>(kLocations + 1), std::vector<int>(kLocations + 1)};
+    std::vector<std::vector<std::int32_t>> nearest(
+        kQueries,
+        std::vector<std::int32_t>(kLocations + 1, PlaceEvidence::kFar * PlaceEvidence::kFar));
+    for (int d = 0; d < details_; ++d) {
+      const int list = ListOf(d), location = list / (2 * kWords);
+      const std::vector<int> detail = Descriptor(d);
+      // Bright and dark queries take turns.
+      for (int q = list % 2; q < kQueries && location != hidden; q += 2) {
+        std::int32_t distance2 = 0;
+        for (int i = 0; i < kDim; ++i) {
+          const int difference = queries_[q * kDim + i] - detail[i];
+          distance2 += difference * difference;
+        }
+        nearest[q][location] = std::min(nearest[q][location], distance2);
+      }
+    }
+    for (const std::vector<std::int32_t>& of_query : nearest) said.Vote(of_query);
+    said.evidence.pop_back();
+    return said.evidence;
   }
 
   // Everything moved in all directions: no distance changes, but lengths do.
@@ -183,7 +213,7 @@ class LongLists {
                               const std::vector<std::int8_t>& queries,
                               const std::vector<std::int8_t>& rotation, int hidden,
                               CpuPath path) const {
-    const ModelDetails details = {details_, kParts, rotation, codebook_, list_size_, codes_, 0};
+    const ModelDetails details = {details_, parts_, rotation, codebook_, list_size_, codes_, 0};
     const int dim = static_cast<int>(words.size()) / kWords;
     PlaceEvidence evidence(words, dim, details, kLocations, kQueries, path);
     std::vector<Keypoint> keypoints(kQueries);
@@ -204,41 +234,53 @@ class LongLists {
     return bytes;
   }
 
-  int WordOf(int detail) const {
+  // Of the location's lists: two a word, then the next location's.
+  int ListOf(int detail) const {
     int list = 0;
     for (; detail >= list_size_[list]; ++list) detail -= list_size_[list];
-    return list / 2 % kWords;
+    return list;
+  }
+
+  std::vector<int> Descriptor(int detail) const {
+    const int piece = kDim / parts_;
+    std::vector<int> sum(kDim);
+    for (int i = 0; i < kDim; ++i) {
+      const int code = codes_[std::size_t(detail) * parts_ + i / piece];
+      sum[i] = words_[ListOf(detail) / 2 % kWords * kDim + i] +
+               codebook_[(std::size_t(i / piece) * kCodesOfPart + code) * piece + i % piece];
+    }
+    return sum;
   }
 
   void AddQuery(int detail) {
-    constexpr int kPiece = kDim / kParts;
-    const std::int8_t* const word = &words_[WordOf(detail) * kDim];
     const std::vector<std::int8_t> noise = Bytes(kDim, 4);
+    const std::vector<int> descriptor = Descriptor(detail);
     for (int i = 0; i < kDim; ++i) {
-      const int code = codes_[std::size_t(detail) * kParts + i / kPiece];
-      const int of_code =
-          codebook_[(std::size_t(i / kPiece) * kCodesOfPart + code) * kPiece + i % kPiece];
-      queries_.push_back(
-          static_cast<std::int8_t>(std::clamp(word[i] + of_code + noise[i], -127, 127)));
+      queries_.push_back(static_cast<std::int8_t>(std::clamp(descriptor[i] + noise[i], -127, 127)));
     }
   }
 
+  int parts_;
   std::mt19937 random_{7};
   std::vector<std::int8_t> words_, codebook_, queries_, rotation_ = NoRotation(kDim);
   std::vector<std::uint8_t> list_size_, codes_;
   int details_ = 0;
 };
 
-TEST(PlaceEvidence, IsTheSameOnEveryPath) {
-  // Usual lengths; products too large to be scanned; squared lengths above 16 bits.
-  for (const auto& [word_limit, code_limit] :
-       {std::pair(8, 12), std::pair(8, 120), std::pair(60, 9)}) {
-    const LongLists site(word_limit, code_limit);
-    for (const int hidden : {-1, 2}) {
-      const std::vector<float> plain = site.Evidence(CpuPath::kPlain, hidden);
-      EXPECT_GT(*std::max_element(plain.begin(), plain.end()), 0);
-      for (const CpuPath path : CpuPathsHere()) {
-        EXPECT_EQ(site.Evidence(path, hidden), plain) << static_cast<int>(path);
+// Parts as `train` makes them, and another number.
+TEST(PlaceEvidence, IsThatOfWholeDescriptorsOnEveryPath) {
+  for (const int parts : {8, 6, 4, 3}) {
+    // Usual lengths; products too large to be scanned; squared lengths above 16 bits.
+    for (const auto& [word_limit, code_limit] :
+         {std::pair(8, 12), std::pair(8, 120), std::pair(60, 9)}) {
+      const LongLists site(word_limit, code_limit, parts);
+      for (const int hidden : {-1, 2}) {
+        const std::vector<float> expected = site.Expected(hidden);
+        EXPECT_GT(*std::max_element(expected.begin(), expected.end()), 0);
+        for (const CpuPath path : CpuPathsHere()) {
+          EXPECT_EQ(site.Evidence(path, hidden), expected)
+              << parts << " parts, path " << static_cast<int>(path);
+        }
       }
     }
   }
