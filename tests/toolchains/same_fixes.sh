@@ -7,7 +7,7 @@
 #
 # ARCH        aarch64, cortex-a53 (aarch64 on a processor without dot products of bytes) or
 #             armhf; default: all three
-# --frames N  so many test images of each set, evenly spread (default 20)
+# --frames N  so many test images of each set, evenly spread (default 12)
 # --full      all test images: the museum's, and those of the real image sets in
 #             $VIEWFIX_DATA, else ../shared/data; about a second a frame. It takes an hour
 #
@@ -91,7 +91,7 @@ print_table() {
 }
 
 main() {
-  local frames=20 real=0 arch name small_museum=(--images-per-view 7) few_words=(--words 200)
+  local frames=12 real=0 arch name small_museum=(--images-per-view 7) few_words=(--words 200)
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
