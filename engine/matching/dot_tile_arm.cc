@@ -260,8 +260,7 @@ constexpr std::size_t NeonDotBlockBytes(int depth) { return std::size_t{kTileRow
         rows[v] = vreinterpretq_s8_u8(vld1q_u8(block + d * kTileRows + 16 * v));
       }
       for (int i = 0; i < kQueriesAtOnce; ++i) {
-        std::int32_t four;
-        std::memcpy(&four, queries + d * kTileQueries + 4 * (q + i), sizeof(four));
+        const std::int32_t four = FourBytes(queries + d * kTileQueries + 4 * (q + i));
         const int8x16_t values = vreinterpretq_s8_s32(vdupq_n_s32(four));
         for (int v = 0; v < kVectors; ++v) sums[i][v] = vdotq_s32(sums[i][v], rows[v], values);
       }

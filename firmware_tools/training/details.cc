@@ -20,7 +20,7 @@ namespace {
 constexpr std::size_t kCodebookSamples = 60'000;
 constexpr double kMergeStep = 5;
 constexpr double kMergeBeforeShorter = 3 * kMergeStep;  // further, and codes are shortened instead
-constexpr int kParts[] = {8, 6, 4};  // bytes of a code to try, the longest first
+constexpr int kParts[] = {8, 6, 4};                     // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
 struct Feature {
@@ -505,6 +505,7 @@ class DetailTrainer {
       ParallelForWorkers(NumSamples(), options_.jobs, [&](int s, int worker) {
         if (used[s]) return;
         PlaceEvidence& weigher = *weighers[worker];
+        const std::vector<float> likeness = LikenessOf(s, used);
         const auto said = [&](int hidden) {
           weigher.Weigh(Image(s).descriptors, Image(s).keypoints, words_[s],
                         source_.words_per_feature, hidden);
@@ -512,7 +513,7 @@ class DetailTrainer {
           const auto close_votes = weigher.close_votes();
           return HeldOutFrame::Said{{evidence.begin(), evidence.end()},
                                     {close_votes.begin(), close_votes.end()},
-                                    LikenessOf(s, used)};
+                                    likeness};
         };
         const int location = source_.locations[s];
         frames[s] = {said(-1), said(location), location};

@@ -37,7 +37,12 @@ count() {
     END { printf "%.0f\n", total }' > "$list.count") \
     "$VIEWFIXD" --model "$1" --camera "replay:$list" > "$list.fixes"
   grep -q '"state":"localized"' "$list.fixes" || die "$2 is not localized"
-  while [[ ! -s $list.count ]]; do sleep 0.1; done
+  # The sum comes when awk has read the end of the log.
+  for ((times = 0; times < 100; ++times)); do
+    [[ ! -s $list.count ]] || break
+    sleep 0.1
+  done
+  [[ -s $list.count ]] || die "qemu's log was not counted"
   cat "$list.count"
   rm -f "$list" "$list.count" "$list.fixes"
 }
