@@ -9,6 +9,7 @@
 #include <cstring>
 #include <numeric>
 
+#include "models/huffman_decoder.h"
 #include "models/viewfix_generated.h"
 
 // FlatBuffers stores little endian; the spans handed out are used as they lie.
@@ -36,6 +37,55 @@ std::span<const T> Span(const flatbuffers::Vector<T>* vector) {
   return {vector->data(), vector->size()};
 }
 
+std::span<const std::uint8_t> TablesOf(const fb::EncodedRows* coded) {
+  return coded == nullptr ? std::span<const std::uint8_t>() : Span(coded->tables());
+}
+
+std::size_t BytesOf(const fb::EncodedRows* coded) {
+  return coded == nullptr ? 0 : Span(coded->tables()).size() + Span(coded->rows()).size();
+}
+
+std::optional<HuffmanDecoder> DecoderOf(const fb::EncodedRows* encoded) {
+  if (encoded == nullptr) return std::nullopt;
+  return HuffmanDecoder::Open(Span(encoded->tables()), Span(encoded->rows()));
+}
+
+// Takes room for what so many bytes of rows become. False: there is no such room, or they cannot be
+// in there, where a code has a bit at least.
+bool TakeRoom(const fb::EncodedRows* encoded, std::uint64_t bytes, std::size_t decoded_size,
+              std::uint64_t& room) {
+  if (encoded == nullptr || bytes / 8 > Span(encoded->rows()).size()) return false;
+  if (bytes > room / decoded_size) return false;
+  room -= bytes * decoded_size;
+  return true;
+}
+
+// All of the rows. False: there are others.
+//   end_of  where a row ends among the bytes of all
+template <typename T, typename EndOf>
+bool DecodeRows(const fb::EncodedRows* encoded, std::size_t num_rows, const EndOf& end_of,
+                std::uint64_t& room, std::vector<T>& bytes) {
+  if (!TakeRoom(encoded, num_rows == 0 ? 0 : end_of(num_rows - 1), sizeof(T), room)) return false;
+  std::optional<HuffmanDecoder> decoder = DecoderOf(encoded);
+  if (!decoder) return false;
+  bytes.resize(num_rows == 0 ? 0 : end_of(num_rows - 1));
+  auto byte = bytes.begin();
+  for (std::size_t row = 0; row < num_rows; ++row) {
+    decoder->StartRow();
+    const auto end = bytes.begin() + static_cast<std::ptrdiff_t>(end_of(row));
+    for (; byte < end; ++byte) *byte = static_cast<T>(decoder->Next());
+  }
+  return decoder->IsAtEnd();
+}
+
+// The same of rows of one length.
+template <typename T>
+bool DecodeTable(const fb::EncodedRows* encoded, std::size_t num_rows, std::size_t length,
+                 std::uint64_t& room, std::vector<T>& bytes) {
+  const auto end_of = [length](std::uint64_t row) { return (row + 1) * length; };
+  return DecodeRows(encoded, num_rows, end_of, room, bytes);
+}
+
 template <typename T>
 bool AllFinite(std::span<const T> values) {
   return std::all_of(values.begin(), values.end(), [](T v) { return std::isfinite(v); });
@@ -58,7 +108,7 @@ bool ValidName(std::string_view name) {
 }
 
 // Names are few hundred at most on a site; a site of ten thousand locations still takes
-// only a sorted copy's time, but the reader allocates nothing: order is demanded instead.
+// only a sorted copy's time, but no memory is taken for that: order is demanded instead.
 Status CheckNames(const Names* names, const char* what) {
   if (names == nullptr || names->size() == 0) return Corrupt(what);
   for (int i = 0; i < static_cast<int>(names->size()); ++i) {
@@ -135,6 +185,7 @@ Result<ModelView> ModelView::Open(std::span<const std::uint8_t> bytes) {
   if (!fb::VerifyModelBuffer(verifier)) return Corrupt("model structure is broken");
   ModelView view;
   view.bytes_ = bytes;
+  view.decoded_ = std::make_shared<Decoded>();
   if (Status status = view.Load(); !status.ok()) return status;
   return view;
 }
@@ -143,9 +194,10 @@ Status ModelView::Load() {
   using Loader = Status (ModelView::*)();
   for (const Loader load :
        {&ModelView::LoadFeatures, &ModelView::LoadVocabulary, &ModelView::LoadScoring,
-        &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadCamera,
-        &ModelView::LoadLandmarks, &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan,
-        &ModelView::LoadDetails, &ModelView::LoadGolden, &ModelView::LoadPoseConfidence}) {
+        &ModelView::LoadConfidence, &ModelView::LoadKeyframes, &ModelView::LoadKeyframePoses,
+        &ModelView::LoadKeyframeNames, &ModelView::LoadCamera, &ModelView::LoadLandmarks,
+        &ModelView::LoadKeyframeLandmarks, &ModelView::LoadFloorPlan, &ModelView::LoadDetails,
+        &ModelView::LoadGolden, &ModelView::LoadPoseConfidence}) {
     if (Status status = (this->*load)(); !status.ok()) return status;
   }
   metric_ = Root(bytes_)->metric();
@@ -174,10 +226,10 @@ Status ModelView::LoadVocabulary() {
   const std::uint32_t num_words = v->num_words();
   if (num_words < 1 || num_words > 65535) return Corrupt("model's number of words is out of range");
   if (v->dim() != features_.descriptor_dim) return Corrupt("model's words have a wrong dimension");
-  vocabulary_ = {static_cast<int>(num_words), v->dim(), Span(v->words()), v->words_per_feature()};
-  if (vocabulary_.words.size() != std::size_t{num_words} * v->dim()) {
+  if (!DecodeTable(v->words(), num_words, v->dim(), decoded_->room, decoded_->words)) {
     return Corrupt("model's vocabulary has a wrong size");
   }
+  vocabulary_ = {static_cast<int>(num_words), v->dim(), decoded_->words, v->words_per_feature()};
   const int votes = vocabulary_.words_per_feature;
   if (votes < 1 || votes > kMaxWordsPerFeature || votes > vocabulary_.num_words) {
     return Corrupt("model's number of words for a feature is out of range");
@@ -200,7 +252,7 @@ Status ModelView::LoadScoring() {
               Span(s->pair_view()),
               Span(s->bias()),
               Span(s->weight_scale()),
-              Span(s->weights()),
+              {},
               s->keyframe_weight()};
   const ModelScoring& g = scoring_;
   const std::size_t pairs = g.pair_location.size();
@@ -209,9 +261,10 @@ Status ModelView::LoadScoring() {
   if (!known) return Corrupt("model's scoring rule is unknown");
   const bool sizes = pairs >= 1 && pairs <= 65535 && g.pair_view.size() == pairs &&
                      g.bias.size() == pairs && g.weight_scale.size() == pairs &&
-                     g.weights.size() == std::size_t(PackedWeights(g.num_pairs)) *
-                                             std::size_t(vocabulary_.num_words);
+                     DecodeTable(s->weights(), vocabulary_.num_words, PackedWeights(g.num_pairs),
+                                 decoded_->room, decoded_->weights);
   if (!sizes) return Corrupt("model's scoring tables have wrong sizes");
+  scoring_.weights = decoded_->weights;
   if (!AllFinite(g.bias) || !AllFinite(g.weight_scale) || !std::isfinite(g.keyframe_weight)) {
     return Corrupt("model's scoring tables hold a number that is not finite");
   }
@@ -265,28 +318,71 @@ bool ValidWords(std::span<const std::uint8_t> entries, int num_words) {
 Status ModelView::LoadKeyframes() {
   const fb::Keyframes* f = Root(bytes_)->keyframes();
   const std::size_t size = Span(f->pair()).size();
-  keyframes_ = {static_cast<int>(size),    Span(f->pair()),     Span(f->word_begin()),
-                Span(f->words()),          Span(f->has_pose()), Span(f->pose()),
-                Span(f->landmark_begin()), Span(f->landmarks())};
+  keyframes_ = {static_cast<int>(size),    Span(f->pair()),
+                Span(f->word_begin()),     {},
+                Span(f->has_pose()),       {},
+                Span(f->landmark_begin()), {}};
   const ModelKeyframes& k = keyframes_;
-  const bool sizes =
-      k.word_begin.size() == size + 1 && k.has_pose.size() == size && k.pose.size() == size * 7;
-  if (!sizes || (f->names() != nullptr && f->names()->size() != size)) {
+  if (k.word_begin.size() != size + 1 || k.has_pose.size() != size) {
     return Corrupt("model's keyframe tables have wrong sizes");
   }
-  if (k.word_begin.front() != 0 || k.word_begin.back() != k.words.size()) {
+  const auto end_of = [&](std::size_t row) { return k.word_begin[row + 1]; };
+  if (k.word_begin.front() != 0 || !std::ranges::is_sorted(k.word_begin) ||
+      !DecodeRows(f->words(), size, end_of, decoded_->room, decoded_->keyframe_words)) {
     return Corrupt("model's keyframe histograms are broken");
   }
+  keyframes_.words = decoded_->keyframe_words;
   for (std::size_t i = 0; i < size; ++i) {
     const std::uint32_t begin = k.word_begin[i];
     const std::uint32_t end = k.word_begin[i + 1];
-    bool valid = k.pair[i] < scoring_.num_pairs && (i == 0 || k.pair[i] >= k.pair[i - 1]) &&
-                 begin < end && end <= k.words.size() && k.has_pose[i] <= 1 &&
-                 (k.has_pose[i] == 0 || ValidPose(k.pose.subspan(i * 7, 7)));
-    if (!valid || !ValidWords(k.words.subspan(begin, end - begin), vocabulary_.num_words))
+    const bool valid = k.pair[i] < scoring_.num_pairs && (i == 0 || k.pair[i] >= k.pair[i - 1]) &&
+                       begin < end && k.has_pose[i] <= 1;
+    if (!valid || !ValidWords(k.words.subspan(begin, end - begin), vocabulary_.num_words)) {
       return Corrupt("model's keyframe is broken");
+    }
   }
   return {};
+}
+
+Status ModelView::LoadKeyframePoses() {
+  const std::span<const float> poses = Span(Root(bytes_)->keyframes()->pose());
+  std::vector<float>& decoded = decoded_->keyframe_pose;
+  decoded.assign(std::size_t(keyframes_.size) * 7,
+                 0.0F);  // four times what keyframes take at least
+  std::size_t next = 0;
+  for (int i = 0; i < keyframes_.size; ++i) {
+    if (keyframes_.has_pose[i] == 0) continue;
+    if (poses.size() - next < 7 || !ValidPose(poses.subspan(next, 7))) {
+      return Corrupt("model's keyframe has a broken pose");
+    }
+    std::copy_n(&poses[next], 7, &decoded[std::size_t(i) * 7]);
+    next += 7;
+  }
+  if (next != poses.size()) return Corrupt("model has a pose without a keyframe");
+  keyframes_.pose = decoded;
+  return {};
+}
+
+Status ModelView::LoadKeyframeNames() {
+  const fb::EncodedRows* encoded = Root(bytes_)->keyframes()->names();
+  if (encoded == nullptr) return {};
+  const auto is_broken = [] { return Corrupt("model's keyframe names are broken"); };
+  std::optional<HuffmanDecoder> decoder = DecoderOf(encoded);
+  if (!decoder) return is_broken();
+  std::string name;
+  for (int i = 0; i < keyframes_.size; ++i) {
+    decoder->StartRow();
+    const std::size_t shared = decoder->Next();
+    if (shared > name.size()) return is_broken();
+    name.resize(shared);
+    while (const std::uint8_t byte = decoder->Next()) {
+      if (name.size() == kMaxKeyframeNameBytes) return is_broken();
+      name.push_back(static_cast<char>(byte));
+    }
+    if (!TakeRoom(encoded, 1, sizeof name + name.size(), decoded_->room)) return is_broken();
+    decoded_->keyframe_names.push_back(name);
+  }
+  return decoder->IsAtEnd() ? Status() : is_broken();
 }
 
 Status ModelView::LoadCamera() {
@@ -305,18 +401,27 @@ Status ModelView::LoadLandmarks() {
   if (l == nullptr) return {};
   const std::size_t size = Span(l->laplacian_sign()).size();
   const std::size_t maps = Span(l->map_step()).size();
-  landmarks_ = {static_cast<int>(size), static_cast<int>(maps),    Span(l->map_begin()),
-                Span(l->map_origin()),  Span(l->map_step()),       Span(l->position()),
-                Span(l->descriptors()), Span(l->laplacian_sign()), Span(l->rarity()),
-                l->pixel_sigma(),       Span(l->map_metric())};
+  landmarks_ = {static_cast<int>(size),
+                static_cast<int>(maps),
+                Span(l->map_begin()),
+                Span(l->map_origin()),
+                Span(l->map_step()),
+                Span(l->position()),
+                {},
+                Span(l->laplacian_sign()),
+                Span(l->rarity()),
+                l->pixel_sigma(),
+                Span(l->map_metric())};
   const ModelLandmarks& m = landmarks_;
   const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
                      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
                      m.position.size() == 3 * size && m.rarity.size() == size &&
-                     m.descriptors.size() == size * std::size_t(features_.descriptor_dim) &&
                      m.map_begin.front() == 0 && m.map_begin.back() == size &&
-                     (m.map_metric.empty() || m.map_metric.size() == maps);
+                     (m.map_metric.empty() || m.map_metric.size() == maps) &&
+                     DecodeTable(l->descriptors(), size, features_.descriptor_dim, decoded_->room,
+                                 decoded_->landmark_descriptors);
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
+  landmarks_.descriptors = decoded_->landmark_descriptors;
   if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
     return Corrupt("model's landmarks hold a number that is out of range");
   }
@@ -339,31 +444,40 @@ Status ModelView::LoadLandmarks() {
 
 Status ModelView::LoadKeyframeLandmarks() {
   const ModelKeyframes& k = keyframes_;
+  const fb::EncodedRows* encoded = Root(bytes_)->keyframes()->landmarks();
   if (landmarks_.size == 0) {
-    return k.landmarks.empty() && k.landmark_begin.empty()
+    return encoded == nullptr && k.landmark_begin.empty()
                ? Status()
                : Corrupt("model's keyframes see landmarks that it lacks");
   }
-  if (k.landmark_begin.size() != std::size_t(k.size) + 1 || k.landmark_begin.front() != 0 ||
-      k.landmark_begin.back() != k.landmarks.size()) {
-    return Corrupt("model's keyframe landmarks have wrong sizes");
+  const auto is_broken = [] { return Corrupt("model's keyframe landmarks are broken"); };
+  std::optional<HuffmanDecoder> decoder = DecoderOf(encoded);
+  if (!decoder || k.landmark_begin.size() != std::size_t(k.size) + 1 ||
+      k.landmark_begin.front() != 0 || !std::ranges::is_sorted(k.landmark_begin) ||
+      !TakeRoom(encoded, k.landmark_begin.back(), sizeof(std::uint32_t), decoded_->room)) {
+    return is_broken();
   }
+  std::vector<std::uint32_t>& landmarks = decoded_->keyframe_landmarks;
+  landmarks.reserve(k.landmark_begin.back());
   for (int i = 0; i < k.size; ++i) {
     const std::uint32_t begin = k.landmark_begin[i];
     const std::uint32_t end = k.landmark_begin[i + 1];
-    if (begin > end || end > k.landmarks.size() || (begin < end && k.has_pose[i] == 0)) {
-      return Corrupt("model's keyframe landmarks are broken");
+    if (begin < end && k.has_pose[i] == 0) return is_broken();
+    decoder->StartRow();
+    std::int64_t landmark = -1;
+    while (landmarks.size() < end) {
+      std::uint8_t step = decoder->Next();
+      for (; step == 255 && landmark < landmarks_.size; step = decoder->Next()) landmark += 255;
+      landmark += step + 1;
+      if (landmark >= landmarks_.size) return is_broken();
+      landmarks.push_back(static_cast<std::uint32_t>(landmark));
     }
-    for (std::uint32_t j = begin; j < end; ++j) {
-      const bool ascending = j == begin || k.landmarks[j] > k.landmarks[j - 1];
-      if (!ascending || k.landmarks[j] >= static_cast<std::uint32_t>(landmarks_.size)) {
-        return Corrupt("model's keyframe landmarks are broken");
-      }
-    }
-    if (begin < end && MapOf(k.landmarks[begin]) != MapOf(k.landmarks[end - 1])) {
+    if (begin < end && MapOf(landmarks[begin]) != MapOf(landmarks[end - 1])) {
       return Corrupt("model's keyframe sees landmarks of two maps");
     }
   }
+  if (!decoder->IsAtEnd()) return is_broken();
+  keyframes_.landmarks = landmarks;
   return {};
 }
 
@@ -382,11 +496,16 @@ Status ModelView::LoadFloorPlan() {
 Status ModelView::LoadDetails() {
   const fb::Details* d = Root(bytes_)->details();
   if (d == nullptr) return {};
-  const std::span<const std::uint8_t> list_size = Span(d->list_size());
-  const std::size_t size = std::accumulate(list_size.begin(), list_size.end(), std::size_t{0});
-  const std::size_t dim = features_.descriptor_dim;
+  std::vector<std::uint8_t>& list_size = decoded_->detail_lists;
   const std::size_t lists = 2 * std::size_t(vocabulary_.num_words);
-  if (size < 1 || size > kMaxDetails || list_size.size() != (scoring_.num_locations + 1) * lists) {
+  if (!DecodeTable(d->list_size(), std::size_t(scoring_.num_locations) + 1, lists, decoded_->room,
+                   list_size)) {
+    return Corrupt("model's lists of details are broken");
+  }
+  // As many as 32 bits do not hold, on a board that has no more.
+  const std::uint64_t size = std::accumulate(list_size.begin(), list_size.end(), std::uint64_t{0});
+  const std::size_t dim = features_.descriptor_dim;
+  if (size < 1 || size > kMaxDetails) {
     return Corrupt("model's lists of details have wrong sizes");
   }
   details_ = {static_cast<int>(size), d->parts(),       Span(d->rotation()),
@@ -409,19 +528,27 @@ Status ModelView::LoadGolden() {
   const fb::GoldenQueries* q = Root(bytes_)->golden();
   if (q == nullptr) return {};
   const std::size_t size = Span(q->pair()).size();
-  golden_ = {static_cast<int>(size), Span(q->width()),     Span(q->height()),
-             Span(q->begin()),       Span(q->keypoints()), Span(q->laplacian_sign()),
-             Span(q->descriptors()), Span(q->pair()),      Span(q->has_pose()),
+  golden_ = {static_cast<int>(size),
+             Span(q->width()),
+             Span(q->height()),
+             Span(q->begin()),
+             Span(q->keypoints()),
+             Span(q->laplacian_sign()),
+             {},
+             Span(q->pair()),
+             Span(q->has_pose()),
              Span(q->pose())};
   const ModelGolden& g = golden_;
   const std::size_t features = g.laplacian_sign.size();
-  const bool sizes = size >= 1 && size <= kMaxGoldenQueries && g.width.size() == size &&
-                     g.height.size() == size && g.begin.size() == size + 1 &&
-                     g.begin.front() == 0 && g.begin.back() == features &&
-                     g.keypoints.size() == 5 * features &&
-                     g.descriptors.size() == features * std::size_t(features_.descriptor_dim) &&
-                     g.has_pose.size() == size && g.pose.size() == 7 * size;
+  const bool sizes =
+      size >= 1 && size <= kMaxGoldenQueries && g.width.size() == size && g.height.size() == size &&
+      g.begin.size() == size + 1 && g.begin.front() == 0 && g.begin.back() == features &&
+      g.keypoints.size() == 5 * features && g.has_pose.size() == size &&
+      g.pose.size() == 7 * size && features <= size * std::size_t(features_.max_features) &&
+      DecodeTable(q->descriptors(), features, features_.descriptor_dim, decoded_->room,
+                  decoded_->golden_descriptors);
   if (!sizes) return Corrupt("model's golden queries have wrong sizes");
+  golden_.descriptors = decoded_->golden_descriptors;
   const auto is_sign = [](std::int8_t sign) { return sign >= -1 && sign <= 1; };
   if (!AllFinite(g.keypoints) ||
       !std::all_of(g.laplacian_sign.begin(), g.laplacian_sign.end(), is_sign)) {
@@ -455,8 +582,52 @@ std::string_view ModelView::view_name(int view_idx) const {
 }
 
 std::string_view ModelView::keyframe_name(int keyframe_idx) const {
-  const Names* names = Root(bytes_)->keyframes()->names();
-  return names == nullptr ? std::string_view() : NameAt(names, keyframe_idx);
+  const std::vector<std::string>& names = decoded_->keyframe_names;
+  return names.empty() ? std::string_view() : names[keyframe_idx];
+}
+
+ModelSections ModelView::sections() const {
+  const fb::Model* m = Root(bytes_);
+  const fb::Keyframes* k = m->keyframes();
+  ModelSections sections = {
+      .vocabulary = BytesOf(m->vocabulary()->words()),
+      .weights = BytesOf(m->scoring()->weights()),
+      .keyframe_histograms = keyframes_.word_begin.size_bytes() + BytesOf(k->words()),
+      .keyframe_poses = Span(k->pose()).size_bytes() + keyframes_.has_pose.size_bytes(),
+      .keyframe_landmarks = keyframes_.landmark_begin.size_bytes() + BytesOf(k->landmarks()),
+      .keyframe_names = BytesOf(k->names()),
+      .floor_plan = floor_plan_.picture.size(),
+      .record = record_.size()};
+  if (const fb::Landmarks* l = m->landmarks(); l != nullptr) {
+    sections.landmark_positions = landmarks_.position.size_bytes();
+    sections.landmark_descriptors = BytesOf(l->descriptors()) +
+                                    landmarks_.laplacian_sign.size_bytes() +
+                                    landmarks_.rarity.size_bytes();
+  }
+  if (const fb::Details* d = m->details(); d != nullptr) {
+    sections.details = details_.rotation.size_bytes() + details_.codebook.size_bytes() +
+                       BytesOf(d->list_size()) + details_.codes.size_bytes();
+  }
+  if (const fb::GoldenQueries* g = m->golden(); g != nullptr) {
+    sections.golden_queries = golden_.keypoints.size_bytes() + BytesOf(g->descriptors()) +
+                              golden_.laplacian_sign.size_bytes();
+  }
+  return sections;
+}
+
+ModelCodeTables ModelView::code_tables() const {
+  const fb::Model* m = Root(bytes_);
+  const fb::Keyframes* k = m->keyframes();
+  return {.words = TablesOf(m->vocabulary()->words()),
+          .weights = TablesOf(m->scoring()->weights()),
+          .keyframe_words = TablesOf(k->words()),
+          .keyframe_landmarks = TablesOf(k->landmarks()),
+          .keyframe_names = TablesOf(k->names()),
+          .landmark_descriptors =
+              TablesOf(m->landmarks() == nullptr ? nullptr : m->landmarks()->descriptors()),
+          .detail_lists = TablesOf(m->details() == nullptr ? nullptr : m->details()->list_size()),
+          .golden_descriptors =
+              TablesOf(m->golden() == nullptr ? nullptr : m->golden()->descriptors())};
 }
 
 std::array<char, 16> ModelView::short_hash() const {

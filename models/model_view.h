@@ -3,9 +3,12 @@
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "engine/base/status.h"
 
@@ -19,7 +22,7 @@ namespace viewfix {
 //   24 reserved         8 bytes, zero
 //   32 hash             32 bytes: BLAKE2b-256 of bytes 0..31 and the payload
 inline constexpr std::array<std::uint8_t, 8> kModelMagic = {'V', 'I', 'E', 'W', 'F', 'I', 'X', 0};
-inline constexpr std::uint32_t kModelFormatVersion = 3;
+inline constexpr std::uint32_t kModelFormatVersion = 4;
 inline constexpr std::size_t kModelHeaderBytes = 64;
 inline constexpr std::size_t kModelHashOffset = 32;
 inline constexpr std::size_t kModelHashBytes = 32;
@@ -29,13 +32,18 @@ inline constexpr int kMaxLandmarks = 1 << 24;
 inline constexpr int kMaxDetails = 1 << 24;
 inline constexpr int kCodesOfPart = 256;
 inline constexpr int kMaxGoldenQueries = 16;
+inline constexpr std::size_t kMaxKeyframeNameBytes = 255;
+// Of all that is encoded together: no file makes a board ask for more. 10,000 locations of 3 views
+// with 2000 words take 70 MB.
+inline constexpr std::uint64_t kMaxDecodedBytes = 128 << 20;
 inline constexpr std::size_t kMaxFloorPlanBytes = 4 << 20;
 
 // Values are stored in models: do not change them.
 enum class HistogramMap : std::uint8_t { kL1 = 1, kHellinger = 2 };
 enum class LocationRule : std::uint8_t { kBestPair = 1, kSumOfPairs = 2 };
 
-// The parts of a model, as viewfix.fbs describes them; spans point into the file's bytes.
+// The parts of a model, as viewfix.fbs describes them; spans point into the file's bytes, or, of
+// what is encoded there, into memory that the view and its copies share.
 struct ModelFeatures {
   std::uint8_t type = 0;
   std::uint32_t version = 0;
@@ -102,7 +110,7 @@ struct ModelKeyframes {
   std::span<const std::uint32_t> word_begin;      // [size + 1]
   std::span<const std::uint8_t> words;            // coded: StepOf(), CountOf()
   std::span<const std::uint8_t> has_pose;         // [size]
-  std::span<const float> pose;                    // [size, 7] tx ty tz qx qy qz qw
+  std::span<const float> pose;                    // [size, 7] tx ty tz qx qy qz qw; zeros: none
   std::span<const std::uint32_t> landmark_begin;  // [size + 1]; empty where no landmarks are
   std::span<const std::uint32_t> landmarks;
 };
@@ -166,13 +174,43 @@ struct ModelGolden {
 // Whether a file begins as a PNG or a JPEG.
 bool IsFloorPlanPicture(std::span<const std::uint8_t> file);
 
-// A model file, opened over borrowed bytes. Everything is checked once, in Open();
-// afterwards every index is in range and every number finite. No allocation.
+// Bytes of the file, the larger parts, by what they are for.
+struct ModelSections {
+  std::size_t vocabulary = 0;
+  std::size_t weights = 0;
+  std::size_t keyframe_histograms = 0;
+  std::size_t keyframe_poses = 0;
+  std::size_t keyframe_landmarks = 0;
+  std::size_t keyframe_names = 0;
+  std::size_t landmark_positions = 0;
+  std::size_t landmark_descriptors = 0;
+  std::size_t details = 0;
+  std::size_t golden_queries = 0;
+  std::size_t floor_plan = 0;
+  std::size_t record = 0;
+};
+
+// Tables of a model's encoded rows (models/huffman_decoder.h).
+struct ModelCodeTables {
+  std::span<const std::uint8_t> words;
+  std::span<const std::uint8_t> weights;
+  std::span<const std::uint8_t> keyframe_words;
+  std::span<const std::uint8_t> keyframe_landmarks;
+  std::span<const std::uint8_t> keyframe_names;
+  std::span<const std::uint8_t> landmark_descriptors;
+  std::span<const std::uint8_t> detail_lists;
+  std::span<const std::uint8_t> golden_descriptors;
+};
+
+// A model file, opened over borrowed bytes. Everything is checked once, in Open(), which decodes
+// what is encoded and allocates memory for that alone; afterwards every index is in range and every
+// number finite. Copies share what was decoded.
 class ModelView {
  public:
   // `bytes` must stay unchanged while the view is used, and start at an address that is a
   // multiple of 8 (as any allocation does). kCorrupt: not a model, truncated, or any bit
-  // changed; kUnsupported: a newer format version. The reader never crashes on any bytes.
+  // changed, or what is encoded takes more than kMaxDecodedBytes; kUnsupported: another format
+  // version. The reader never crashes on any bytes.
   static Result<ModelView> Open(std::span<const std::uint8_t> bytes);
 
   const ModelFeatures& features() const { return features_; }
@@ -195,6 +233,8 @@ class ModelView {
     return landmarks_.map_metric.empty() ? metric_ : landmarks_.map_metric[map_idx] != 0;
   }
   std::string_view record() const { return record_; }  // JSON
+  ModelSections sections() const;
+  ModelCodeTables code_tables() const;
 
   // The map that a landmark is of.
   int MapOf(std::uint32_t landmark_idx) const;
@@ -219,6 +259,8 @@ class ModelView {
   Status LoadConfidence();
   Status LoadPoseConfidence();
   Status LoadKeyframes();
+  Status LoadKeyframePoses();
+  Status LoadKeyframeNames();
   Status LoadCamera();
   Status LoadLandmarks();
   Status LoadKeyframeLandmarks();
@@ -226,7 +268,22 @@ class ModelView {
   Status LoadDetails();
   Status LoadGolden();
 
+  // What was encoded.
+  struct Decoded {
+    std::uint64_t room = kMaxDecodedBytes;  // for more
+    std::vector<std::int8_t> words;
+    std::vector<std::uint8_t> weights;
+    std::vector<std::uint8_t> keyframe_words;
+    std::vector<float> keyframe_pose;
+    std::vector<std::uint32_t> keyframe_landmarks;
+    std::vector<std::string> keyframe_names;
+    std::vector<std::int8_t> landmark_descriptors;
+    std::vector<std::uint8_t> detail_lists;
+    std::vector<std::int8_t> golden_descriptors;
+  };
+
   std::span<const std::uint8_t> bytes_;
+  std::shared_ptr<Decoded> decoded_;
   ModelFeatures features_;
   ModelVocabulary vocabulary_;
   ModelScoring scoring_;

@@ -2,8 +2,11 @@
 #include "models/model_writer.h"
 
 #include <algorithm>
+#include <cassert>
 #include <cstring>
 
+#include "models/huffman_decoder.h"
+#include "models/huffman_encoder.h"
 #include "models/viewfix_generated.h"
 
 namespace viewfix {
@@ -16,6 +19,46 @@ std::vector<T> Flat(const std::vector<std::array<T, N>>& rows) {
   return flat;
 }
 
+// Rows of one length.
+template <typename T>
+ByteRows RowsOf(std::span<const T> bytes, std::size_t length) {
+  assert(length > 0 && bytes.size() % length == 0);
+  ByteRows rows;
+  for (std::size_t begin = 0; begin < bytes.size(); begin += length) {
+    const auto row = bytes.subspan(begin, length);
+    rows.emplace_back(reinterpret_cast<const std::uint8_t*>(row.data()), row.size());
+  }
+  return rows;
+}
+
+ByteRows RowsOf(const std::vector<std::vector<std::uint8_t>>& rows) {
+  return {rows.begin(), rows.end()};
+}
+
+// By the tables given, which keep the bytes of rows that have not changed, or by others.
+EncodedRows Encode(const std::vector<std::uint8_t>& tables, const ByteRows& rows,
+                   std::span<const int> columns) {
+  return tables.empty() ? EncodeRows(rows, columns) : EncodeRowsBy(tables, rows);
+}
+
+flatbuffers::Offset<fb::EncodedRows> BuildRows(flatbuffers::FlatBufferBuilder& b,
+                                               const EncodedRows& encoded) {
+  const auto tables = b.CreateVector(encoded.tables);
+  const auto rows = b.CreateVector(encoded.rows);
+  return fb::CreateEncodedRows(b, tables, rows);
+}
+
+constexpr int kOneColumn[] = {1};
+
+// Of SURF's numbers each fourth is of a kind.
+flatbuffers::Offset<fb::EncodedRows> BuildDescriptors(flatbuffers::FlatBufferBuilder& b,
+                                                      const std::vector<std::uint8_t>& tables,
+                                                      const std::vector<std::int8_t>& descriptors,
+                                                      int dim) {
+  const int columns[] = {1, 4, dim};
+  return BuildRows(b, Encode(tables, RowsOf(std::span(descriptors), dim), columns));
+}
+
 flatbuffers::Offset<fb::Camera> BuildCamera(flatbuffers::FlatBufferBuilder& b,
                                             const ModelData::CameraData& c) {
   const auto intrinsics = b.CreateVector(c.intrinsics.data(), c.intrinsics.size());
@@ -24,13 +67,16 @@ flatbuffers::Offset<fb::Camera> BuildCamera(flatbuffers::FlatBufferBuilder& b,
                           static_cast<std::uint16_t>(c.height), intrinsics, distortion);
 }
 
+int Dim(const ModelData& d) { return std::max(1, d.features.descriptor_dim); }
+
 flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder& b,
                                                   const ModelData& d) {
   const auto map_begin = b.CreateVector(d.map_begin);
   const auto map_origin = b.CreateVector(Flat(d.map_origin));
   const auto map_step = b.CreateVector(d.map_step);
   const auto position = b.CreateVector(Flat(d.landmark_position));
-  const auto descriptors = b.CreateVector(d.landmark_descriptors);
+  const auto descriptors =
+      BuildDescriptors(b, d.code_tables.landmark_descriptors, d.landmark_descriptors, Dim(d));
   const auto sign = b.CreateVector(d.landmark_laplacian_sign);
   const auto rarity = b.CreateVector(d.landmark_rarity);
   const auto map_metric = b.CreateVector(d.map_metric);
@@ -87,18 +133,14 @@ std::vector<std::uint8_t> PackWeights(const ModelData& d) {
   return packed;
 }
 
-struct CodedWords {
-  std::vector<std::uint32_t> begin = {0};
-  std::vector<std::uint8_t> entries;
-};
-
 // As viewfix.fbs says it.
-CodedWords CodeKeyframeWords(const ModelData& d) {
-  CodedWords coded;
+std::vector<std::vector<std::uint8_t>> KeyframeWords(const ModelData& d) {
+  std::vector<std::vector<std::uint8_t>> rows;
   const auto add = [&](int step, int count) {
-    coded.entries.push_back(static_cast<std::uint8_t>((step - 1) * 8 + count));
+    rows.back().push_back(static_cast<std::uint8_t>((step - 1) * 8 + count));
   };
   for (std::size_t k = 0; k + 1 < d.keyframe_word_begin.size(); ++k) {
+    rows.emplace_back();
     int word = -1;
     for (std::uint32_t j = d.keyframe_word_begin[k]; j < d.keyframe_word_begin[k + 1]; ++j) {
       for (; d.keyframe_words[j] - word > kMaxKeyframeStep; word += kMaxKeyframeStep) {
@@ -107,31 +149,113 @@ CodedWords CodeKeyframeWords(const ModelData& d) {
       add(d.keyframe_words[j] - word, std::min<int>(d.keyframe_counts[j], kMaxKeyframeCount));
       word = d.keyframe_words[j];
     }
-    coded.begin.push_back(static_cast<std::uint32_t>(coded.entries.size()));
   }
-  return coded;
+  return rows;
+}
+
+// Of each keyframe, landmarks that ascend; or no table of them.
+bool HasKeyframeLandmarks(const ModelData& d) {
+  const std::vector<std::uint32_t>& begin = d.keyframe_landmark_begin;
+  if (begin.empty()) return d.keyframe_landmarks.empty();
+  if (begin.front() != 0 || begin.back() != d.keyframe_landmarks.size() ||
+      !std::ranges::is_sorted(begin)) {
+    return false;
+  }
+  for (std::size_t k = 0; k + 1 < begin.size(); ++k) {
+    for (std::uint32_t j = begin[k] + 1; j < begin[k + 1]; ++j) {
+      if (d.keyframe_landmarks[j] <= d.keyframe_landmarks[j - 1]) return false;
+    }
+  }
+  return true;
+}
+
+// As viewfix.fbs says it.
+std::vector<std::vector<std::uint8_t>> KeyframeLandmarks(const ModelData& d) {
+  std::vector<std::vector<std::uint8_t>> rows;
+  for (std::size_t k = 0; k + 1 < d.keyframe_landmark_begin.size(); ++k) {
+    rows.emplace_back();
+    std::uint32_t next = 0;
+    for (auto j = d.keyframe_landmark_begin[k]; j < d.keyframe_landmark_begin[k + 1]; ++j) {
+      const std::uint32_t step = d.keyframe_landmarks[j] - next;
+      rows.back().insert(rows.back().end(), step / 255, 255);
+      rows.back().push_back(static_cast<std::uint8_t>(step % 255));
+      next = d.keyframe_landmarks[j] + 1;
+    }
+  }
+  return rows;
+}
+
+// As viewfix.fbs says it.
+std::vector<std::vector<std::uint8_t>> KeyframeNames(const ModelData& d) {
+  std::vector<std::vector<std::uint8_t>> rows;
+  std::string before;
+  for (const std::string& name : d.keyframe_names) {
+    const auto differ = std::ranges::mismatch(before, name).in2;
+    const auto shared = std::min<std::ptrdiff_t>(differ - name.begin(), 255);
+    rows.push_back({static_cast<std::uint8_t>(shared)});
+    rows.back().insert(rows.back().end(), name.begin() + shared, name.end());
+    rows.back().push_back(0);
+    before = name;
+  }
+  return rows;
+}
+
+flatbuffers::Offset<fb::Keyframes> BuildKeyframes(flatbuffers::FlatBufferBuilder& b,
+                                                  const ModelData& d) {
+  const ModelData::CodeTables& tables = d.code_tables;
+  const auto pair = b.CreateVector(d.keyframe_pair);
+  const auto entries = KeyframeWords(d);
+  std::vector<std::uint32_t> begin = {0};
+  for (const auto& row : entries) {
+    begin.push_back(begin.back() + static_cast<std::uint32_t>(row.size()));
+  }
+  const auto word_begin = b.CreateVector(begin);
+  const auto words = BuildRows(b, Encode(tables.keyframe_words, RowsOf(entries), kOneColumn));
+  const auto has_pose = b.CreateVector(d.keyframe_has_pose);
+  std::vector<std::array<float, 7>> poses;
+  for (std::size_t k = 0; k < d.keyframe_pose.size(); ++k) {
+    if (d.keyframe_has_pose[k] != 0) poses.push_back(d.keyframe_pose[k]);
+  }
+  const auto pose = b.CreateVector(Flat(poses));
+  const auto landmark_begin = b.CreateVector(d.keyframe_landmark_begin);
+  flatbuffers::Offset<fb::EncodedRows> landmarks = 0;
+  if (!d.keyframe_landmark_begin.empty()) {
+    landmarks =
+        BuildRows(b, Encode(tables.keyframe_landmarks, RowsOf(KeyframeLandmarks(d)), kOneColumn));
+  }
+  flatbuffers::Offset<fb::EncodedRows> names = 0;
+  if (!d.keyframe_names.empty()) {
+    names = BuildRows(b, Encode(tables.keyframe_names, RowsOf(KeyframeNames(d)), kOneColumn));
+  }
+  return fb::CreateKeyframes(b, pair, word_begin, words, has_pose, pose, landmark_begin, landmarks,
+                             names);
 }
 
 flatbuffers::Offset<fb::Details> BuildDetails(flatbuffers::FlatBufferBuilder& b,
-                                              const ModelData::DetailsData& d) {
+                                              const ModelData& data) {
+  const ModelData::DetailsData& d = data.details;
   if (d.codes.empty()) return 0;
   const auto rotation = b.CreateVector(d.rotation);
   const auto codebook = b.CreateVector(d.codebook);
-  const auto list_size = b.CreateVector(d.list_size);
+  const auto list_size = BuildRows(
+      b, Encode(data.code_tables.detail_lists,
+                RowsOf(std::span(d.list_size), 2 * (data.words.size() / Dim(data))), kOneColumn));
   const auto codes = b.CreateVector(d.codes);
   return fb::CreateDetails(b, static_cast<std::uint8_t>(d.parts), rotation, codebook, list_size,
                            codes, d.likeness_weight, d.close_weight);
 }
 
 flatbuffers::Offset<fb::GoldenQueries> BuildGolden(flatbuffers::FlatBufferBuilder& b,
-                                                   const ModelData::GoldenData& g) {
+                                                   const ModelData& d) {
+  const ModelData::GoldenData& g = d.golden;
   if (g.pair.empty()) return 0;
   const auto width = b.CreateVector(g.width);
   const auto height = b.CreateVector(g.height);
   const auto begin = b.CreateVector(g.begin);
   const auto keypoints = b.CreateVector(g.keypoints);
   const auto sign = b.CreateVector(g.laplacian_sign);
-  const auto descriptors = b.CreateVector(g.descriptors);
+  const auto descriptors =
+      BuildDescriptors(b, d.code_tables.golden_descriptors, g.descriptors, Dim(d));
   const auto pair = b.CreateVector(g.pair);
   const auto has_pose = b.CreateVector(g.has_pose);
   const auto pose = b.CreateVector(Flat(g.pose));
@@ -139,17 +263,47 @@ flatbuffers::Offset<fb::GoldenQueries> BuildGolden(flatbuffers::FlatBufferBuilde
                                  has_pose, pose);
 }
 
+// Names that end where their rows do.
+bool HasKeyframeNames(const ModelData& d) {
+  const auto fits = [](const std::string& name) {
+    return name.size() <= kMaxKeyframeNameBytes && name.find('\0') == std::string::npos;
+  };
+  return std::ranges::all_of(d.keyframe_names, fits);
+}
+
+bool HasCodeTables(const ModelData& d) {
+  const ModelData::CodeTables& t = d.code_tables;
+  const auto opens = [](const std::vector<std::uint8_t>* tables) {
+    return HuffmanDecoder::Open(*tables, {}).has_value();
+  };
+  return std::ranges::all_of(
+      std::array{&t.words, &t.weights, &t.keyframe_words, &t.keyframe_landmarks, &t.keyframe_names,
+                 &t.landmark_descriptors, &t.detail_lists, &t.golden_descriptors},
+      opens);
+}
+
+// As many numbers as rows of their lengths have.
+bool HasWholeRows(const ModelData& d) {
+  const std::size_t words = d.words.size() / Dim(d);
+  const std::size_t lists = (d.locations.size() + 1) * 2 * words;
+  return d.words.size() == words * Dim(d) &&
+         d.landmark_descriptors.size() == d.landmark_position.size() * Dim(d) &&
+         d.golden.descriptors.size() == d.golden.laplacian_sign.size() * Dim(d) &&
+         d.keyframe_pose.size() == d.keyframe_has_pose.size() &&
+         (d.details.codes.empty() || d.details.list_size.size() == lists);
+}
+
 // Everything is written, defaults too: a reader then sees each stated value.
 flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, const ModelData& d) {
   const ModelFeatures& f = d.features;
-  const int dim = std::max(1, f.descriptor_dim);
   const auto features =
       fb::CreateFeatures(b, f.type, f.version, static_cast<std::uint16_t>(f.max_image_side),
                          static_cast<std::uint16_t>(f.max_features), f.upright, f.threshold,
                          static_cast<std::uint16_t>(f.descriptor_dim));
   const auto vocabulary =
-      fb::CreateVocabulary(b, static_cast<std::uint32_t>(d.words.size() / dim),
-                           static_cast<std::uint16_t>(f.descriptor_dim), b.CreateVector(d.words),
+      fb::CreateVocabulary(b, static_cast<std::uint32_t>(d.words.size() / Dim(d)),
+                           static_cast<std::uint16_t>(f.descriptor_dim),
+                           BuildDescriptors(b, d.code_tables.words, d.words, Dim(d)),
                            static_cast<std::uint8_t>(d.words_per_feature));
   const auto locations = b.CreateVectorOfStrings(d.locations);
   const auto views = b.CreateVectorOfStrings(d.views);
@@ -157,32 +311,25 @@ flatbuffers::Offset<fb::Model> BuildModel(flatbuffers::FlatBufferBuilder& b, con
   const auto pair_view = b.CreateVector(d.pair_view);
   const auto bias = b.CreateVector(d.bias);
   const auto weight_scale = b.CreateVector(d.weight_scale);
-  const auto weights = b.CreateVector(PackWeights(d));
+  const std::vector<std::uint8_t> packed = PackWeights(d);
+  const int row = PackedWeights(static_cast<int>(d.pair_location.size()));
+  const auto weights =
+      BuildRows(b, Encode(d.code_tables.weights, RowsOf(std::span<const std::uint8_t>(packed), row),
+                          kOneColumn));
   const auto scoring = fb::CreateScoring(
       b, static_cast<std::uint8_t>(d.histogram_map), static_cast<std::uint8_t>(d.location_rule),
       locations, views, pair_location, pair_view, bias, weight_scale, weights, d.keyframe_weight);
   const auto confidence =
       fb::CreateConfidence(b, d.confidence.offset, d.confidence.slope, d.confidence.threshold);
-  const auto pair = b.CreateVector(d.keyframe_pair);
-  const CodedWords coded = CodeKeyframeWords(d);
-  const auto word_begin = b.CreateVector(coded.begin);
-  const auto words = b.CreateVector(coded.entries);
-  const auto has_pose = b.CreateVector(d.keyframe_has_pose);
-  const auto pose = b.CreateVector(Flat(d.keyframe_pose));
-  const auto landmark_begin = b.CreateVector(d.keyframe_landmark_begin);
-  const auto landmarks = b.CreateVector(d.keyframe_landmarks);
-  flatbuffers::Offset<flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>> names = 0;
-  if (!d.keyframe_names.empty()) names = b.CreateVectorOfStrings(d.keyframe_names);
-  const auto keyframes = fb::CreateKeyframes(b, pair, word_begin, words, has_pose, pose,
-                                             landmark_begin, landmarks, names);
+  const auto keyframes = BuildKeyframes(b, d);
   flatbuffers::Offset<fb::Camera> camera = 0;
   flatbuffers::Offset<fb::Landmarks> map = 0;
   if (!d.landmark_position.empty()) {
     camera = BuildCamera(b, d.camera);
     map = BuildLandmarks(b, d);
   }
-  const auto details = BuildDetails(b, d.details);
-  const auto golden = BuildGolden(b, d.golden);
+  const auto details = BuildDetails(b, d);
+  const auto golden = BuildGolden(b, d);
   flatbuffers::Offset<fb::PoseConfidence> pose_confidence = 0;
   if (d.pose_confidence) {
     const ModelPoseConfidence& c = *d.pose_confidence;
@@ -291,12 +438,29 @@ void PutLittleEndian(std::uint8_t* to, T value) {
 
 }  // namespace
 
+std::size_t DetailListBytes(std::span<const std::uint8_t> list_size, std::size_t lists) {
+  return EncodeRows(RowsOf(list_size, lists), kOneColumn).size();
+}
+
 Result<std::vector<std::uint8_t>> WriteModel(const ModelData& data) {
   if (!HasHistograms(data)) {
     return Status(StatusCode::kInvalidArgument, "a keyframe's words do not ascend or occur");
   }
   if (!HasWeights(data)) {
     return Status(StatusCode::kInvalidArgument, "a weight for each pair and word, -8..7");
+  }
+  if (!HasKeyframeLandmarks(data)) {
+    return Status(StatusCode::kInvalidArgument, "a keyframe's landmarks do not ascend");
+  }
+  if (!HasKeyframeNames(data)) {
+    return Status(StatusCode::kInvalidArgument, "a keyframe's name is too long");
+  }
+  if (!HasCodeTables(data)) {
+    return Status(StatusCode::kInvalidArgument, "code tables are not those of complete codes");
+  }
+  if (!HasWholeRows(data)) {
+    return Status(StatusCode::kInvalidArgument,
+                  "a row of descriptors, poses or lists is not whole");
   }
   flatbuffers::FlatBufferBuilder builder(1 << 20);
   builder.ForceDefaults(true);
@@ -325,6 +489,15 @@ ModelData UnpackModel(const ModelView& model) {
   UnpackMaps(model, data);
   UnpackExtras(model, data);
   data.record = model.record();
+  const ModelCodeTables tables = model.code_tables();
+  data.code_tables = {.words = Owned(tables.words),
+                      .weights = Owned(tables.weights),
+                      .keyframe_words = Owned(tables.keyframe_words),
+                      .keyframe_landmarks = Owned(tables.keyframe_landmarks),
+                      .keyframe_names = Owned(tables.keyframe_names),
+                      .landmark_descriptors = Owned(tables.landmark_descriptors),
+                      .detail_lists = Owned(tables.detail_lists),
+                      .golden_descriptors = Owned(tables.golden_descriptors)};
   return data;
 }
 

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -87,7 +89,22 @@ struct ModelData {
     std::vector<std::array<float, 7>> pose;
   } golden;
   std::string record;
+  // By which rows are encoded (models/huffman_decoder.h); empty: by those that suit them best.
+  struct CodeTables {
+    std::vector<std::uint8_t> words;
+    std::vector<std::uint8_t> weights;
+    std::vector<std::uint8_t> keyframe_words;
+    std::vector<std::uint8_t> keyframe_landmarks;
+    std::vector<std::uint8_t> keyframe_names;
+    std::vector<std::uint8_t> landmark_descriptors;
+    std::vector<std::uint8_t> detail_lists;
+    std::vector<std::uint8_t> golden_descriptors;
+  } code_tables;
 };
+
+// Bytes that the sizes of details' lists take in a file, by tables of their own.
+//   list_size [locations + 1, lists]
+std::size_t DetailListBytes(std::span<const std::uint8_t> list_size, std::size_t lists);
 
 // The whole file, header included: the same data give the same bytes. The result has been
 // read back by ModelView; its refusal is returned if the data break the contract.

@@ -196,6 +196,8 @@ void PlaceEvidence::CompareEach(std::int32_t base, const std::uint32_t* list, in
       return CompareEachOf<8>(base, list, hidden);
     case 6:
       return CompareEachOf<6>(base, list, hidden);
+    case 5:
+      return CompareEachOf<5>(base, list, hidden);
     case 4:
       return CompareEachOf<4>(base, list, hidden);
     default:

@@ -91,11 +91,13 @@ std::size_t HeapBytes() {
   return heap.uordblks + heap.hblkhd;
 }
 
-// What a localizer takes besides the model, all of it in Create(): counted by making one. None for
-// features that no board has, or where the heap does not count (AddressSanitizer's).
+// What a localizer takes besides the model, all of it in Open() and Create(): counted by making
+// one. None for features that no board has, or where the heap does not count (AddressSanitizer's).
 std::optional<std::size_t> LocalizerBytes(const ModelView& model) {
   const std::size_t before = HeapBytes();
-  const Result<Localizer> localizer = Localizer::Create(model, {});
+  const Result<ModelView> view = ModelView::Open(model.bytes());
+  if (!view.ok()) return std::nullopt;
+  const Result<Localizer> localizer = Localizer::Create(*view, {});
   if (!localizer.ok() || HeapBytes() <= before) return std::nullopt;
   return HeapBytes() - before;
 }

@@ -407,20 +407,19 @@ void AddFrames(const Figures& figures, Json& json) {
 }  // namespace
 
 Json SectionsAsJson(const ModelView& model) {
-  const ModelKeyframes& k = model.keyframes();
-  const ModelLandmarks& l = model.landmarks();
-  const ModelDetails& d = model.details();
-  return {{"vocabulary", model.vocabulary().words.size_bytes()},
-          {"weights", model.scoring().weights.size_bytes()},
-          {"keyframe_histograms", k.word_begin.size_bytes() + k.words.size_bytes()},
-          {"keyframe_poses", k.pose.size_bytes() + k.has_pose.size_bytes()},
-          {"keyframe_landmarks", k.landmark_begin.size_bytes() + k.landmarks.size_bytes()},
-          {"landmark_positions", l.position.size_bytes()},
-          {"landmark_descriptors", l.descriptors.size_bytes() + l.laplacian_sign.size_bytes()},
-          {"details", d.rotation.size_bytes() + d.codebook.size_bytes() + d.list_size.size_bytes() +
-                          d.codes.size_bytes()},
-          {"floor_plan", model.floor_plan().picture.size()},
-          {"record", model.record().size()}};
+  const ModelSections sections = model.sections();
+  return {{"vocabulary", sections.vocabulary},
+          {"weights", sections.weights},
+          {"keyframe_histograms", sections.keyframe_histograms},
+          {"keyframe_poses", sections.keyframe_poses},
+          {"keyframe_landmarks", sections.keyframe_landmarks},
+          {"keyframe_names", sections.keyframe_names},
+          {"landmark_positions", sections.landmark_positions},
+          {"landmark_descriptors", sections.landmark_descriptors},
+          {"details", sections.details},
+          {"golden_queries", sections.golden_queries},
+          {"floor_plan", sections.floor_plan},
+          {"record", sections.record}};
 }
 
 Json FiguresAsJson(const ImageSet& set, const Evaluation& evaluation, const Evaluation* unknown) {

@@ -44,6 +44,7 @@ class Merger {
     if (other_rule && model_.details.codes.empty()) model_.confidence = base_.confidence;
     model_.location_rule = base_.location_rule;
     model_.keyframe_weight = base_.keyframe_weight;
+    model_.code_tables = base_.code_tables;
     KeepScores();
     KeepDetails();
     if (!base_.landmark_position.empty()) {

@@ -7,20 +7,21 @@
 #include <limits>
 #include <memory>
 #include <numeric>
+#include <optional>
 
 #include "engine/matching/place_evidence.h"
 #include "engine/scoring/scoring.h"
 #include "engine/vocabulary/vocabulary.h"
 #include "firmware_tools/training/kmeans.h"
+#include "models/model_writer.h"
 
 namespace viewfix {
 namespace {
 
 // Descriptors that a codebook is made of; more do not change it much.
 constexpr std::size_t kCodebookSamples = 60'000;
-constexpr double kMergeStep = 5;
-constexpr double kMergeBeforeShorter = 3 * kMergeStep;  // further, and codes are shortened instead
-constexpr int kParts[] = {8, 6, 4};                     // bytes of a code to try, the longest first
+constexpr double kMergeBeforeShorter = 5;  // further, and codes are shortened instead
+constexpr int kParts[] = {8, 6, 5, 4};     // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
 struct Feature {
@@ -190,22 +191,20 @@ class DetailTrainer {
       TurnDescriptors(some);
       ListFeatures();
       FindCommon();
-      if (Fits(ChooseDetails(all, options_.merge_distance + kMergeBeforeShorter))) break;
+      if (Fits(all, options_.merge_distance + kMergeBeforeShorter)) break;
     }
+    const std::optional<double> merge = LeastMergeThatFits(all);
+    if (!merge) return trained;
     MakeCodebook(some);
     Encode(progress);
-    for (double merge = options_.merge_distance; merge <= kMaxMergeDistance; merge += kMergeStep) {
-      ModelData::DetailsData table = MakeTable(all, merge);
-      if (table.codes.size() + table.list_size.size() > options_.max_bytes) continue;
-      const std::vector<HeldOutFrame> frames = HoldOut(merge);
-      const PlaceWeights weights = ChooseWeights(frames, options_.hidden_weight);
-      table.likeness_weight = weights.likeness;
-      table.close_weight = weights.close;
-      trained.held_out = OutcomesOf(frames, weights);
-      trained.elsewhere = OutcomesElsewhere(frames, weights, 1);
-      trained.table = std::move(table);
-      break;
-    }
+    ModelData::DetailsData table = MakeTable(all, *merge);
+    const std::vector<HeldOutFrame> frames = HoldOut(*merge);
+    const PlaceWeights weights = ChooseWeights(frames, options_.hidden_weight);
+    table.likeness_weight = weights.likeness;
+    table.close_weight = weights.close;
+    trained.held_out = OutcomesOf(frames, weights);
+    trained.elsewhere = OutcomesElsewhere(frames, weights, 1);
+    trained.table = std::move(table);
     return trained;
   }
 
@@ -442,10 +441,27 @@ class DetailTrainer {
     return parts;
   }
 
-  bool Fits(const Chosen& chosen) const {
-    const std::size_t size =
-        std::accumulate(chosen.list_size.begin(), chosen.list_size.end(), std::size_t{0});
-    return size * parts_ + chosen.list_size.size() <= options_.max_bytes;
+  // Codes and lists: what grows with the details.
+  bool Fits(const std::vector<bool>& used, double merge) const {
+    const std::vector<std::uint8_t> list_size = ChooseDetails(used, merge).list_size;
+    const std::size_t details = std::accumulate(list_size.begin(), list_size.end(), std::size_t{0});
+    return details * parts_ + DetailListBytes(list_size, lists_.size()) <= options_.max_bytes;
+  }
+
+  // To a unit, by bisection: details that are merged farther are hardly ever more.
+  std::optional<double> LeastMergeThatFits(const std::vector<bool>& used) const {
+    double too_near = options_.merge_distance - 1;
+    double fits = options_.merge_distance + kMergeBeforeShorter;
+    if (!Fits(used, fits)) {
+      too_near = fits;
+      fits = kMaxMergeDistance;
+      if (!Fits(used, fits)) return std::nullopt;
+    }
+    while (fits - too_near > 1) {
+      const double middle = std::floor((too_near + fits) / 2);
+      (Fits(used, middle) ? fits : too_near) = middle;
+    }
+    return fits;
   }
 
   ModelData::DetailsData MakeTable(const std::vector<bool>& used, double merge) const {

@@ -14,18 +14,18 @@ namespace viewfix {
 
 // How the details of a model are made (engine/matching/place_evidence.h).
 struct DetailOptions {
-  // Room for them in the model, bytes; 0: none. 6.35 MB leave a model of 74 areas under 8.
-  std::size_t max_bytes = 6'350'000;
+  // Room for them in the model, bytes; 0: none. 6.06 MB leave a model of 74 areas under 7.
+  std::size_t max_bytes = 6'060'000;
   // Features of one location that are closer than this (descriptors' length is 127) are one detail.
-  // Grows in steps until the details fit their room.
+  // Grows until the details fit their room.
   double merge_distance = 45;
   // Features closer than this to each other in so many locations are one common detail, which says
   // nothing but that a feature is none of a place's own. Held-out frames of the IE Tower's
   // training split: 767 000 details become 678 000, with as many frames right.
   double common_distance = 35;
   int common_locations = 4;
-  // Bytes of a code; 0: the most of 8, 6 and 4 with which the details fit their room without being
-  // merged more than three steps further, since shorter codes then cost less. The same frames, area
+  // Bytes of a code; 0: the most of 8, 6, 5 and 4 with which the details fit their room without
+  // being merged more than 5 further, since shorter codes then cost less. The same frames, area
   // right: whole descriptors 90.0 %, 16 bytes the same, 8 bytes 89.5 (89.4 without turning
   // descriptors first).
   int parts = 0;

@@ -180,7 +180,7 @@ Json ToJson(const HeldOut& result) {
           {"view_accuracy", result.view_accuracy}};
 }
 
-// Held-out recall of each location and view: what a user may expect of it.
+// Held-out recall of each location and view, in the order of pairs: what a user may expect of it.
 Json RecallByPair(const Labels& labels, const HeldOut& result) {
   std::vector<int> asked(labels.num_pairs(), 0);
   std::vector<int> right(labels.num_pairs(), 0);
@@ -189,14 +189,7 @@ Json RecallByPair(const Labels& labels, const HeldOut& result) {
     ++asked[truth];
     right[truth] += p.location == labels.pair_location[truth] ? 1 : 0;
   }
-  Json rows = Json::array();
-  for (int p = 0; p < labels.num_pairs(); ++p) {
-    rows.push_back({{"location", labels.locations[labels.pair_location[p]]},
-                    {"view", labels.views[labels.pair_view[p]]},
-                    {"held_out", asked[p]},
-                    {"right", right[p]}});
-  }
-  return rows;
+  return {{"held_out", asked}, {"right", right}};
 }
 
 Json Record(const ImageSet& set, const TrainOptions& options, const Preparation& prepared,

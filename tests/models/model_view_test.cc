@@ -8,9 +8,12 @@
 #include <functional>
 #include <limits>
 #include <random>
+#include <string>
 #include <utility>
 
+#include "models/huffman_decoder.h"
 #include "models/model_writer.h"
+#include "models/viewfix_generated.h"
 #include "tests/testing/tiny_model.h"
 
 namespace viewfix {
@@ -220,17 +223,160 @@ TEST(ModelView, ReadsWordsThatLieFarApart) {
   }
 }
 
+TEST(ModelView, ReadsKeyframesNamesAndPoses) {
+  ModelData data = TinyModelData();
+  EXPECT_EQ(ModelView::Open(*WriteModel(data))->keyframe_name(3), "");
+  // Names that begin alike, the longest included.
+  const std::string long_folder(kMaxKeyframeNameBytes - 6, 'd');
+  data.keyframe_names = {
+      "a/1.jpg",  "a/10.jpg", "a/2.jpg", "b", "b", long_folder + "/1.jpg", long_folder + "/2.jpg",
+      long_folder};
+  ASSERT_EQ(data.keyframe_names.size(), data.keyframe_pair.size());
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const ModelView view = *ModelView::Open(*file);
+  for (std::size_t k = 0; k < data.keyframe_names.size(); ++k) {
+    EXPECT_EQ(view.keyframe_name(static_cast<int>(k)), data.keyframe_names[k]);
+    EXPECT_THAT(view.keyframes().pose.subspan(7 * k, 7),
+                ::testing::ElementsAreArray(data.keyframe_pose[k]));
+  }
+  EXPECT_EQ(*WriteModel(UnpackModel(view)), *file);
+}
+
+TEST(ModelView, ReadsLandmarksThatLieFarApart) {
+  ModelData data = MappedModelData();
+  constexpr std::size_t kMany = 1000;
+  data.map_begin = {0, 6, kMany};
+  data.landmark_position.resize(kMany);
+  data.landmark_laplacian_sign.resize(kMany, 1);
+  data.landmark_rarity.resize(kMany, 255);
+  data.landmark_descriptors.resize(kMany * data.features.descriptor_dim, 3);
+  data.keyframe_landmarks = {0, 1, 2, 5, 2, 3, 4, 5, 6, 261, 517, 999};  // steps of 255, 256, 482
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  EXPECT_THAT(ModelView::Open(*file)->keyframes().landmarks,
+              ::testing::ElementsAreArray(data.keyframe_landmarks));
+}
+
+TEST(ModelView, CopiesOutliveTheViewTheyAreOf) {
+  ModelData data = TinyModelData();
+  AddTinyDetails(data);
+  const Bytes file = *WriteModel(data);
+  const ModelView copy = ModelView(*ModelView::Open(file));
+  EXPECT_THAT(copy.vocabulary().words, ::testing::ElementsAreArray(data.words));
+  EXPECT_THAT(copy.details().list_size, ::testing::ElementsAreArray(data.details.list_size));
+}
+
+// The tables of a file whose bytes are a test's own, to be changed in their places.
+template <typename T>
+T* Mutable(const flatbuffers::Vector<T>* vector) {
+  return const_cast<T*>(vector->data());  // NOLINT(cppcoreguidelines-pro-type-const-cast)
+}
+
+void ExpectRefused(const std::function<void(const fb::Model&)>& change) {
+  ModelData data = MappedModelData();
+  AddTinyDetails(data);
+  data.keyframe_names.assign(data.keyframe_pair.size(), "a/1.jpg");
+  Bytes file = *WriteModel(data);
+  ASSERT_TRUE(ModelView::Open(file).ok());
+  change(*fb::GetModel(file.data() + kModelHeaderBytes));
+  Rehash(file);
+  EXPECT_EQ(ModelView::Open(file).status().code(), StatusCode::kCorrupt);
+}
+
+// What the writer would not write.
+TEST(ModelView, RowsThatAreNotThereAreRefused) {
+  ExpectRefused([](const fb::Model& m) {  // more words than there is room for
+    Mutable(m.keyframes()->word_begin())[m.keyframes()->word_begin()->size() - 1] = 0xFFFFFFFF;
+  });
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->word_begin())[1] = 0xFFFF; });
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->landmark_begin())[1] = 9; });
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->landmark_begin())[0] = 1; });
+  ExpectRefused([](const fb::Model& m) {
+    Mutable(m.keyframes()->landmark_begin())[m.keyframes()->landmark_begin()->size() - 1] =
+        0xFFFFFFFF;
+  });
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->has_pose())[1] = 1; });
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->has_pose())[6] = 0; });
+  // Names are stored: as much of a name before it as there is not.
+  ExpectRefused([](const fb::Model& m) { Mutable(m.keyframes()->names()->rows())[0] = 1; });
+  ExpectRefused([](const fb::Model& m) {  // a code length of 0
+    Mutable(m.vocabulary()->words()->tables())[0] = 0;
+  });
+  ExpectRefused([](const fb::Model& m) {  // a step beyond the last landmark
+    Mutable(m.keyframes()->landmarks()->rows())[0] = 200;
+  });
+}
+
 TEST(ModelView, TinyModelsHaveNoLandmarks) {
   const Bytes file = TinyModel();
   EXPECT_FALSE(ModelView::Open(file)->has_landmarks());
 }
 
-enum class Holds { kNeither, kLandmarks, kDetails };
+// A complete code: 64 bytes of 7 bits, as many of 8, the others of 9; `first` has 7.
+Bytes SkewedTable(int first) {
+  Bytes table;
+  for (int byte = 0; byte < 256; byte += 2) {
+    const int nth = (byte - first + 256) % 256;
+    table.push_back(nth < 64 ? 0x77 : nth < 128 ? 0x88 : 0x99);
+  }
+  return table;
+}
+
+// All that may be encoded is, each by a table of its own.
+ModelData EncodedModelData() {
+  ModelData data = MappedModelData();
+  AddTinyDetails(data);
+  data.keyframe_names = {"a/1.jpg", "a/10.jpg", "a/2.jpg", "b", "b", "c/1.jpg", "c/2.jpg", "d"};
+  data.golden.width = {320};
+  data.golden.height = {240};
+  data.golden.begin = {0, 2};
+  data.golden.keypoints.assign(10, 1);
+  data.golden.laplacian_sign = {1, -1};
+  data.golden.descriptors.assign(std::size_t{2} * data.features.descriptor_dim, 5);
+  data.golden.pair = {0};
+  data.golden.has_pose = {0};
+  data.golden.pose = {{}};
+  data.code_tables = {SkewedTable(0), SkewedTable(2),  SkewedTable(4),  SkewedTable(6),
+                      SkewedTable(8), SkewedTable(10), SkewedTable(12), SkewedTable(14)};
+  return data;
+}
+
+TEST(ModelView, KeepsTheTablesOfEachOfItsRows) {
+  const ModelData data = EncodedModelData();
+  const auto file = WriteModel(data);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  const ModelData read = UnpackModel(*ModelView::Open(*file));
+  EXPECT_EQ(read.code_tables.words, data.code_tables.words);
+  EXPECT_EQ(read.code_tables.weights, data.code_tables.weights);
+  EXPECT_EQ(read.code_tables.keyframe_words, data.code_tables.keyframe_words);
+  EXPECT_EQ(read.code_tables.keyframe_landmarks, data.code_tables.keyframe_landmarks);
+  EXPECT_EQ(read.code_tables.keyframe_names, data.code_tables.keyframe_names);
+  EXPECT_EQ(read.code_tables.landmark_descriptors, data.code_tables.landmark_descriptors);
+  EXPECT_EQ(read.code_tables.detail_lists, data.code_tables.detail_lists);
+  EXPECT_EQ(read.code_tables.golden_descriptors, data.code_tables.golden_descriptors);
+  EXPECT_EQ(read.weights, data.weights);
+  EXPECT_EQ(read.keyframe_words, data.keyframe_words);
+  EXPECT_EQ(read.keyframe_landmarks, data.keyframe_landmarks);
+  EXPECT_EQ(read.keyframe_names, data.keyframe_names);
+  EXPECT_EQ(read.landmark_descriptors, data.landmark_descriptors);
+  EXPECT_EQ(read.details.list_size, data.details.list_size);
+  EXPECT_EQ(read.golden.descriptors, data.golden.descriptors);
+}
+
+TEST(ModelView, TablesOfNoCompleteCodeAreNotWritten) {
+  ModelData data = EncodedModelData();
+  data.code_tables.detail_lists.pop_back();
+  EXPECT_FALSE(WriteModel(data).ok());
+}
+
+enum class Holds { kNeither, kLandmarks, kDetails, kAllEncoded };
 
 class WholeModel : public ::testing::TestWithParam<Holds> {
  protected:
   static Bytes File() {
     if (GetParam() == Holds::kLandmarks) return *WriteModel(MappedModelData());
+    if (GetParam() == Holds::kAllEncoded) return *WriteModel(EncodedModelData());
     ModelData data = TinyModelData();
     if (GetParam() == Holds::kDetails) AddTinyDetails(data);
     return *WriteModel(data);
@@ -238,11 +384,13 @@ class WholeModel : public ::testing::TestWithParam<Holds> {
 };
 
 INSTANTIATE_TEST_SUITE_P(ModelView, WholeModel,
-                         ::testing::Values(Holds::kNeither, Holds::kLandmarks, Holds::kDetails),
+                         ::testing::Values(Holds::kNeither, Holds::kLandmarks, Holds::kDetails,
+                                           Holds::kAllEncoded),
                          [](const auto& param) {
-                           return param.param == Holds::kLandmarks ? "with_landmarks"
-                                  : param.param == Holds::kDetails ? "with_details"
-                                                                   : "without";
+                           return param.param == Holds::kLandmarks    ? "with_landmarks"
+                                  : param.param == Holds::kDetails    ? "with_details"
+                                  : param.param == Holds::kAllEncoded ? "all_encoded"
+                                                                      : "without";
                          });
 
 TEST_P(WholeModel, IsUnpackedWhole) {
@@ -359,6 +507,15 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"no_features", [](ModelData& d) { d.features.max_features = 0; }},
         Broken{"threshold_nan", [](ModelData& d) { d.features.threshold = kNan; }},
         Broken{"words_missing", [](ModelData& d) { d.words.pop_back(); }},
+        Broken{"name_too_long",
+               [](ModelData& d) {
+                 d.keyframe_names.assign(d.keyframe_pair.size(), std::string(256, 'a'));
+               }},
+        Broken{"names_missing", [](ModelData& d) { d.keyframe_names = {"one"}; }},
+        Broken{"name_cut_by_a_zero",
+               [](ModelData& d) {
+                 d.keyframe_names.assign(d.keyframe_pair.size(), std::string("a\0b", 3));
+               }},
         Broken{"no_words", [](ModelData& d) { d.words.clear(); }},
         Broken{"locations_out_of_order",
                [](ModelData& d) { std::swap(d.locations[0], d.locations[1]); }},
@@ -382,14 +539,11 @@ INSTANTIATE_TEST_SUITE_P(
                [](ModelData& d) {
                  d.pose_confidence = {0, {1, std::numeric_limits<float>::infinity(), 0}, 0.5F};
                }},
-        Broken{"pose_offset_not_a_number",
-               [](ModelData& d) {
-                 d.pose_confidence = {std::numeric_limits<float>::quiet_NaN(), {}, 0.5F};
-               }},
-        Broken{"pose_threshold_negative",
-               [](ModelData& d) {
-                 d.pose_confidence = {0, {}, -0.5F};
-               }},
+        Broken{
+            "pose_offset_not_a_number",
+            [](ModelData&
+                   d) { d.pose_confidence = {std::numeric_limits<float>::quiet_NaN(), {}, 0.5F}; }},
+        Broken{"pose_threshold_negative", [](ModelData& d) { d.pose_confidence = {0, {}, -0.5F}; }},
         Broken{"keyframe_of_no_pair", [](ModelData& d) { d.keyframe_pair.back() = 99; }},
         Broken{"keyframe_words_out_of_order",
                [](ModelData& d) { std::swap(d.keyframe_words[0], d.keyframe_words[1]); }},
@@ -407,6 +561,7 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"map_metric_short", [](ModelData& d) { d.map_metric.pop_back(); }},
         Broken{"rarity_short", [](ModelData& d) { d.landmark_rarity.pop_back(); }},
         Broken{"map_step_zero", [](ModelData& d) { d.map_step[0] = 0; }},
+        Broken{"pose_missing", [](ModelData& d) { d.keyframe_pose.pop_back(); }},
         Broken{"pose_nan", [](ModelData& d) { d.keyframe_pose[0][0] = kNan; }},
         Broken{"pose_not_unit", [](ModelData& d) { d.keyframe_pose[0][3] = 2; }}),
     [](const auto& param) { return param.param.name; });

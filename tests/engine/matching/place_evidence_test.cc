@@ -141,7 +141,7 @@ TEST(PlaceEvidence, IsTheGapToTheSecondNearestLocation) {
 // them.
 class LongLists {
  public:
-  static constexpr int kDim = 72, kWords = 2, kLocations = 5, kQueries = 200;
+  static constexpr int kDim = 120, kWords = 2, kLocations = 5, kQueries = 200;
 
   LongLists(int word_limit, int code_limit, int parts = 8) : parts_(parts) {
     words_ = Bytes(kWords * kDim, word_limit);
@@ -269,7 +269,7 @@ class LongLists {
 
 // Parts as `train` makes them, and another number.
 TEST(PlaceEvidence, IsThatOfWholeDescriptorsOnEveryPath) {
-  for (const int parts : {8, 6, 4, 3}) {
+  for (const int parts : {8, 6, 5, 4, 3}) {
     // Usual lengths; products too large to be scanned; squared lengths above 16 bits.
     for (const auto& [word_limit, code_limit] :
          {std::pair(8, 12), std::pair(8, 120), std::pair(60, 9)}) {

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "firmware_tools/dataset/image_set.h"
+#include "models/huffman_decoder.h"
 #include "tests/testing/tiny_model.h"
 
 namespace viewfix {
@@ -72,6 +73,19 @@ TEST(BaseModelTest, OnlyTheChangedLocationsWeightsAreNew) {
   }
   EXPECT_EQ(model.bias[0], trained.bias[0]);
   EXPECT_EQ(model.bias[3], base.data.bias[3]);
+}
+
+// So that rows which have not changed keep their bytes.
+TEST(BaseModelTest, CodeTablesAreTheBases) {
+  BaseModel base{NamedModel(), "id"};
+  base.data.code_tables.keyframe_words = std::vector<std::uint8_t>(kCodeTableBytes, 0x88);
+  ModelData model = TrainedAgain(base.data);
+  model.code_tables = {};
+  KeepUnchanged(base, true, model);
+  const auto file = WriteModel(model);
+  ASSERT_TRUE(file.ok()) << file.status().text();
+  EXPECT_EQ(UnpackModel(*ModelView::Open(*file)).code_tables.keyframe_words,
+            base.data.code_tables.keyframe_words);
 }
 
 TEST(BaseModelTest, APoseThatWasGivenAnewIsAChange) {

@@ -9,6 +9,8 @@
 #include <random>
 #include <vector>
 
+#include "models/model_writer.h"
+
 namespace viewfix {
 namespace {
 
@@ -58,6 +60,11 @@ class DetailsTest : public ::testing::Test {
   static std::size_t SizeOf(const TrainedDetails& details) {
     return std::accumulate(details.table.list_size.begin(), details.table.list_size.end(),
                            std::size_t{0});
+  }
+  // In a model.
+  static std::size_t BytesOf(const TrainedDetails& details) {
+    const auto& sizes = details.table.list_size;
+    return details.table.codes.size() + DetailListBytes(sizes, sizes.size() / (kLocations + 1));
   }
   // Of all details, those that are no location's own.
   static int CommonOf(const TrainedDetails& details) {
@@ -142,8 +149,9 @@ TEST_F(DetailsTest, FitsItsRoom) {
   const std::size_t bytes = 1500;
   const TrainedDetails details = Train({.max_bytes = bytes, .merge_distance = 0});
   EXPECT_GT(SizeOf(details), 0U);
-  EXPECT_LE(details.table.codes.size(), bytes);
+  EXPECT_LE(BytesOf(details), bytes);
   EXPECT_TRUE(Train({.max_bytes = 0}).table.codes.empty());
+  EXPECT_TRUE(Train({.max_bytes = 10}).table.codes.empty());
 }
 
 TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
@@ -153,22 +161,22 @@ TEST_F(DetailsTest, LeavesOutDirectionsWhereBytesDoNotDivideThem) {
     EXPECT_EQ(details.table.rotation.size(), std::size_t(turned_dim) * kDim);
     EXPECT_EQ(details.table.codebook.size(), std::size_t{256} * turned_dim);
     EXPECT_EQ(details.table.codes.size(), SizeOf(details) * parts);
-    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(),
-                            [](const Outcome& o) { return o.right; }))
-        << parts;
+    EXPECT_TRUE(std::all_of(details.held_out.begin(), details.held_out.end(), [](const Outcome& o) {
+      return o.right;
+    })) << parts;
   }
   EXPECT_TRUE(Train({.parts = kDim + 1}).table.codes.empty());
 }
 
 TEST_F(DetailsTest, ShortensCodesRatherThanMergeFarther) {
-  const auto room = [&](int parts) {  // for what is left if details are merged three steps further
-    const TrainedDetails details = Train({.merge_distance = 15, .parts = parts});
-    return details.table.codes.size() + details.table.list_size.size();
+  const auto room = [&](int parts) {  // for what is left if details are merged a little further
+    return BytesOf(Train({.merge_distance = 5, .parts = parts}));
   };
   EXPECT_EQ(Train({.max_bytes = room(8), .merge_distance = 0}).table.parts, 8);
   EXPECT_EQ(Train({.max_bytes = room(8) - 1, .merge_distance = 0}).table.parts, 6);
-  EXPECT_EQ(Train({.max_bytes = room(6) - 1, .merge_distance = 0}).table.parts, 4);
-  EXPECT_EQ(Train({.max_bytes = room(6) / 2, .merge_distance = 0}).table.parts, 4);
+  EXPECT_EQ(Train({.max_bytes = room(6) - 1, .merge_distance = 0}).table.parts, 5);
+  EXPECT_EQ(Train({.max_bytes = room(5) - 1, .merge_distance = 0}).table.parts, 4);
+  EXPECT_EQ(Train({.max_bytes = room(5) / 2, .merge_distance = 0}).table.parts, 4);
 }
 
 TEST_F(DetailsTest, ThreadsDoNotChangeThem) {
