@@ -49,7 +49,7 @@ class HuffmanDecoder {
     if (columns_.empty()) return NextStored();
     const Column& column = columns_[column_];
     if (++column_ == columns_.size()) column_ = 0;
-    Code code = column.short_codes[window_ >> (64 - kShortBits)];
+    Code code = column.short_codes[static_cast<std::size_t>(window_ >> (64 - kShortBits))];
     if (code.length == 0) code = FindLong(column);
     return Skip(code.length) ? code.byte : 0;
   }

@@ -68,7 +68,7 @@ bool DecodeRows(const fb::EncodedRows* encoded, std::size_t num_rows, const EndO
   if (!TakeRoom(encoded, num_rows == 0 ? 0 : end_of(num_rows - 1), sizeof(T), room)) return false;
   std::optional<HuffmanDecoder> decoder = DecoderOf(encoded);
   if (!decoder) return false;
-  bytes.resize(num_rows == 0 ? 0 : end_of(num_rows - 1));
+  bytes.resize(num_rows == 0 ? 0 : static_cast<std::size_t>(end_of(num_rows - 1)));
   auto byte = bytes.begin();
   for (std::size_t row = 0; row < num_rows; ++row) {
     decoder->StartRow();
