@@ -37,12 +37,12 @@ std::span<const T> Span(const flatbuffers::Vector<T>* vector) {
   return {vector->data(), vector->size()};
 }
 
-std::span<const std::uint8_t> TablesOf(const fb::EncodedRows* coded) {
-  return coded == nullptr ? std::span<const std::uint8_t>() : Span(coded->tables());
+std::span<const std::uint8_t> TablesOf(const fb::EncodedRows* encoded) {
+  return encoded == nullptr ? std::span<const std::uint8_t>() : Span(encoded->tables());
 }
 
-std::size_t BytesOf(const fb::EncodedRows* coded) {
-  return coded == nullptr ? 0 : Span(coded->tables()).size() + Span(coded->rows()).size();
+std::size_t BytesOf(const fb::EncodedRows* encoded) {
+  return encoded == nullptr ? 0 : Span(encoded->tables()).size() + Span(encoded->rows()).size();
 }
 
 std::optional<HuffmanDecoder> DecoderOf(const fb::EncodedRows* encoded) {

@@ -20,7 +20,7 @@ namespace {
 
 // Descriptors that a codebook is made of; more do not change it much.
 constexpr std::size_t kCodebookSamples = 60'000;
-constexpr double kMergeBeforeShorter = 5;  // further, and codes are shortened instead
+constexpr int kMergeBeforeShorter = 5;     // further, and codes are shortened instead
 constexpr int kParts[] = {8, 6, 5, 4};     // bytes of a code to try, the longest first
 constexpr double kMaxMergeDistance = 180;  // of two descriptors that have nothing in common
 
@@ -448,20 +448,21 @@ class DetailTrainer {
     return details * parts_ + DetailListBytes(list_size, lists_.size()) <= options_.max_bytes;
   }
 
-  // To a unit, by bisection: details that are merged farther are hardly ever more.
+  // In whole steps, by bisection: details that are merged farther are hardly ever more.
   std::optional<double> LeastMergeThatFits(const std::vector<bool>& used) const {
-    double too_near = options_.merge_distance - 1;
-    double fits = options_.merge_distance + kMergeBeforeShorter;
-    if (!Fits(used, fits)) {
-      too_near = fits;
-      fits = kMaxMergeDistance;
-      if (!Fits(used, fits)) return std::nullopt;
+    const auto fits = [&](int further) { return Fits(used, options_.merge_distance + further); };
+    int too_near = -1;
+    int enough = kMergeBeforeShorter;
+    if (!fits(enough)) {
+      too_near = enough;
+      enough = static_cast<int>(kMaxMergeDistance - options_.merge_distance);
+      if (!fits(enough)) return std::nullopt;
     }
-    while (fits - too_near > 1) {
-      const double middle = std::floor((too_near + fits) / 2);
-      (Fits(used, middle) ? fits : too_near) = middle;
+    while (enough - too_near > 1) {
+      const int middle = (too_near + enough) / 2;
+      (fits(middle) ? enough : too_near) = middle;
     }
-    return fits;
+    return options_.merge_distance + enough;
   }
 
   ModelData::DetailsData MakeTable(const std::vector<bool>& used, double merge) const {
