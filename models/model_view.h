@@ -32,7 +32,7 @@ inline constexpr int kMaxLandmarks = 1 << 24;
 inline constexpr int kMaxDetails = 1 << 24;
 inline constexpr int kCodesOfPart = 256;
 inline constexpr int kMaxGoldenQueries = 16;
-inline constexpr std::size_t kMaxKeyframeNameBytes = 255;
+inline constexpr std::size_t kMaxKeyframeNameBytes = 4095;  // as long as a path may be
 // Of all that is encoded together: no file makes a board ask for more. 10,000 locations of 3 views
 // with 2000 words take 70 MB.
 inline constexpr std::uint64_t kMaxDecodedBytes = 128 << 20;

@@ -509,7 +509,8 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"words_missing", [](ModelData& d) { d.words.pop_back(); }},
         Broken{"name_too_long",
                [](ModelData& d) {
-                 d.keyframe_names.assign(d.keyframe_pair.size(), std::string(256, 'a'));
+                 d.keyframe_names.assign(d.keyframe_pair.size(),
+                                         std::string(kMaxKeyframeNameBytes + 1, 'a'));
                }},
         Broken{"names_missing", [](ModelData& d) { d.keyframe_names = {"one"}; }},
         Broken{"name_cut_by_a_zero",
