@@ -19,7 +19,8 @@ TEST(Status, CarriesTextAndDetail) {
 }
 
 TEST(Status, LongDetailKeepsItsEnd) {
-  const std::string path = std::string(1000, 'd') + "/name.jpg";
+  std::string path(1000, 'd');
+  path += "/name.jpg";
   const Status status(StatusCode::kIo, "cannot read", path);
   EXPECT_EQ(status.detail().size(), Status::kDetailCapacity);
   EXPECT_TRUE(status.detail().ends_with("/name.jpg"));
