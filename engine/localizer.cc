@@ -52,8 +52,17 @@ constexpr int kPromisingKeyframes = 24;
 constexpr int kPromisingOfLocation = 8;
 constexpr int kPromisingOfPair = 4;
 
+// The locations whose most similar keyframe is so little less similar than the most similar of all
+// (retrieval.h) may be what the frame shows, whatever the scores say: so many keyframes of each.
+constexpr float kLessSimilar = 0.075F;
+constexpr int kLookAlikesOfLocation = 4;
+
+bool MorePromising(const ProposedKeyframe& a, const ProposedKeyframe& b) {
+  return a.promise != b.promise ? a.promise > b.promise : a.keyframe_idx < b.keyframe_idx;
+}
+
 // A pose elsewhere that more than this share of the evidence speaks for leaves a doubt.
-constexpr float kAmbiguousShare = 0.9F;
+constexpr float kAmbiguousShare = 0.7F;
 static_assert(FoundPose::kMaxRivals <= Fix::kMaxRivals);
 
 // A location that this share of the best one's evidence speaks for is its rival.
@@ -193,6 +202,7 @@ struct Localizer::State {
     }
     all_proposed.reserve(model.keyframes().size);
     proposed.reserve(kPromisingKeyframes);
+    look_alikes.reserve(model.keyframes().size);
     proposed_of_location.resize(model.scoring().num_locations);
     proposed_of_pair.resize(model.scoring().num_pairs);
     seen_points.reserve(features.capacity());
@@ -210,6 +220,7 @@ struct Localizer::State {
   std::optional<float> MarginAtLevel(const Fix& fix, int level) const;
   bool DecideAtLevel(int close_votes, Fix& fix) const;
   std::span<const ProposedKeyframe> PromisingKeyframes();
+  std::span<const ProposedKeyframe> LookAlikes();
   void ChooseCamera(const Prior& prior, int width, int height);
   bool Track(const Prior& prior, Fix& fix);
   void FindPose(const Prior& prior, Fix& fix);
@@ -248,6 +259,7 @@ struct Localizer::State {
   std::vector<float> place_scores;             // [locations] with details
   std::vector<ProposedKeyframe> all_proposed;  // [keyframes]
   std::vector<ProposedKeyframe> proposed;
+  std::vector<ProposedKeyframe> look_alikes;
   std::vector<std::uint8_t> is_mapped;  // [locations] at least half of the keyframes have landmarks
   std::vector<int> proposed_of_location;  // [locations]
   std::vector<int> proposed_of_pair;      // [pairs]
@@ -387,11 +399,7 @@ std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
     all_proposed.push_back(
         {k, std::isnan(promise) ? -std::numeric_limits<float>::infinity() : promise});
   }
-  std::sort(all_proposed.begin(), all_proposed.end(),
-            [](const ProposedKeyframe& a, const ProposedKeyframe& b) {
-              return a.promise != b.promise ? a.promise > b.promise
-                                            : a.keyframe_idx < b.keyframe_idx;
-            });
+  std::sort(all_proposed.begin(), all_proposed.end(), MorePromising);
   std::fill(proposed_of_pair.begin(), proposed_of_pair.end(), 0);
   std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
   proposed.clear();
@@ -405,6 +413,29 @@ std::span<const ProposedKeyframe> Localizer::State::PromisingKeyframes() {
     if (std::ssize(proposed) == kPromisingKeyframes) break;
   }
   return proposed;
+}
+
+// The most similar keyframes of each location that is like the frame, most similar first.
+std::span<const ProposedKeyframe> Localizer::State::LookAlikes() {
+  const auto& pair_of = model.keyframes().pair;
+  all_proposed.clear();
+  for (int k = 0; k < model.keyframes().size; ++k) {
+    const float similarity = keyframe_similarities[k];
+    if (HasLandmarks(model.keyframes(), k) && !std::isnan(similarity)) {
+      all_proposed.push_back({k, similarity});
+    }
+  }
+  std::sort(all_proposed.begin(), all_proposed.end(), MorePromising);
+  std::fill(proposed_of_location.begin(), proposed_of_location.end(), 0);
+  look_alikes.clear();
+  for (const ProposedKeyframe& p : all_proposed) {
+    int& of_location = proposed_of_location[model.scoring().pair_location[pair_of[p.keyframe_idx]]];
+    const bool near = p.promise >= all_proposed.front().promise - kLessSimilar;
+    if (of_location == kLookAlikesOfLocation || (of_location == 0 && !near)) continue;
+    ++of_location;
+    look_alikes.push_back(p);
+  }
+  return look_alikes;
 }
 
 void Localizer::State::ChooseCamera(const Prior& prior, int width, int height) {
@@ -522,7 +553,9 @@ bool Localizer::State::WantsLandmarks(const Fix& fix) const {
 // A pose that is believed decides. Without one, the scores' word stands where they name a place of
 // which few photographs are in a map.
 void Localizer::State::FindPose(const Prior& prior, Fix& fix) {
-  const FoundPose found = pose_finder->Find(features, camera, refine_focal, PromisingKeyframes());
+  const auto promising = PromisingKeyframes();
+  const FoundPose found =
+      pose_finder->Find(features, camera, refine_focal, promising, LookAlikes());
   const bool doubtful = found.rivals[0].evidence > kAmbiguousShare * found.evidence;
   const bool believed = Believed(found);
   const bool scores_stand = !believed && !WantsLandmarks(fix);

@@ -93,8 +93,8 @@ viewfix_status viewfix_localize(viewfix_localizer* localizer, const uint8_t* pix
                                 int32_t height, size_t row_bytes, viewfix_fix* fix);
 
 /* An image with its colours, as cameras and JPEG have them: Y, Cb and Cr of BT.601 in full range
- * (neutral chroma is 128). Models that were trained with colours (those of places without a map)
- * know places better by them; others take no notice. */
+ * (neutral chroma is 128). Models that were trained with colours know places better by them, those
+ * with a map tell look-alike places apart; others take no notice. */
 typedef struct viewfix_image {
   size_t size;      /* in: sizeof(viewfix_image); fields are only ever added, at the end */
   const uint8_t* y; /* width x height bytes, rows row_bytes apart */

@@ -411,17 +411,21 @@ Status ModelView::LoadLandmarks() {
                 Span(l->laplacian_sign()),
                 Span(l->rarity()),
                 l->pixel_sigma(),
-                Span(l->map_metric())};
+                Span(l->map_metric()),
+                {}};
   const ModelLandmarks& m = landmarks_;
-  const bool sizes = size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
-                     m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
-                     m.position.size() == 3 * size && m.rarity.size() == size &&
-                     m.map_begin.front() == 0 && m.map_begin.back() == size &&
-                     (m.map_metric.empty() || m.map_metric.size() == maps) &&
-                     DecodeTable(l->descriptors(), size, features_.descriptor_dim, decoded_->room,
-                                 decoded_->landmark_descriptors);
+  const bool sizes =
+      size >= 1 && size <= kMaxLandmarks && maps >= 1 && maps <= 65535 &&
+      m.map_begin.size() == maps + 1 && m.map_origin.size() == 3 * maps &&
+      m.position.size() == 3 * size && m.rarity.size() == size && m.map_begin.front() == 0 &&
+      m.map_begin.back() == size && (m.map_metric.empty() || m.map_metric.size() == maps) &&
+      DecodeTable(l->descriptors(), size, features_.descriptor_dim, decoded_->room,
+                  decoded_->landmark_descriptors) &&
+      (l->chroma() == nullptr || DecodeTable(l->chroma(), size, kLandmarkChromaDim, decoded_->room,
+                                             decoded_->landmark_chroma));
   if (!sizes || camera_.width == 0) return Corrupt("model's landmark tables have wrong sizes");
   landmarks_.descriptors = decoded_->landmark_descriptors;
+  landmarks_.chroma = decoded_->landmark_chroma;
   if (!std::isfinite(m.pixel_sigma) || m.pixel_sigma <= 0 || !AllFinite(m.map_origin)) {
     return Corrupt("model's landmarks hold a number that is out of range");
   }
@@ -603,6 +607,7 @@ ModelSections ModelView::sections() const {
     sections.landmark_descriptors = BytesOf(l->descriptors()) +
                                     landmarks_.laplacian_sign.size_bytes() +
                                     landmarks_.rarity.size_bytes();
+    sections.landmark_chroma = l->chroma() == nullptr ? 0 : BytesOf(l->chroma());
   }
   if (const fb::Details* d = m->details(); d != nullptr) {
     sections.details = details_.rotation.size_bytes() + details_.codebook.size_bytes() +
@@ -618,16 +623,18 @@ ModelSections ModelView::sections() const {
 ModelCodeTables ModelView::code_tables() const {
   const fb::Model* m = Root(bytes_);
   const fb::Keyframes* k = m->keyframes();
-  return {.words = TablesOf(m->vocabulary()->words()),
-          .weights = TablesOf(m->scoring()->weights()),
-          .keyframe_words = TablesOf(k->words()),
-          .keyframe_landmarks = TablesOf(k->landmarks()),
-          .keyframe_names = TablesOf(k->names()),
-          .landmark_descriptors =
-              TablesOf(m->landmarks() == nullptr ? nullptr : m->landmarks()->descriptors()),
-          .detail_lists = TablesOf(m->details() == nullptr ? nullptr : m->details()->list_size()),
-          .golden_descriptors =
-              TablesOf(m->golden() == nullptr ? nullptr : m->golden()->descriptors())};
+  return {
+      .words = TablesOf(m->vocabulary()->words()),
+      .weights = TablesOf(m->scoring()->weights()),
+      .keyframe_words = TablesOf(k->words()),
+      .keyframe_landmarks = TablesOf(k->landmarks()),
+      .keyframe_names = TablesOf(k->names()),
+      .landmark_descriptors =
+          TablesOf(m->landmarks() == nullptr ? nullptr : m->landmarks()->descriptors()),
+      .landmark_chroma = TablesOf(m->landmarks() == nullptr ? nullptr : m->landmarks()->chroma()),
+      .detail_lists = TablesOf(m->details() == nullptr ? nullptr : m->details()->list_size()),
+      .golden_descriptors =
+          TablesOf(m->golden() == nullptr ? nullptr : m->golden()->descriptors())};
 }
 
 std::array<char, 16> ModelView::short_hash() const {

@@ -123,6 +123,12 @@ struct ModelCamera {
   std::span<const double> distortion;  // [8]
 };
 
+// How colours differ about a landmark (engine/features/chroma_contrast.h), in steps.
+inline constexpr int kLandmarkChromaDim = 8;
+inline constexpr int kLandmarkChromaStep = 8;
+inline constexpr std::int8_t kNoLandmarkChroma =
+    -128;  // in the first place: it was seen in grey alone
+
 struct ModelLandmarks {
   int size = 0;
   int num_maps = 0;
@@ -135,6 +141,7 @@ struct ModelLandmarks {
   std::span<const std::uint8_t> rarity;         // [size]
   float pixel_sigma = 1;
   std::span<const std::uint8_t> map_metric;  // [maps] 0 or 1; empty: all as the model
+  std::span<const std::int8_t> chroma;       // [size, kLandmarkChromaDim] steps; empty: not known
 };
 
 // Sizes and order as in viewfix.fbs.
@@ -184,6 +191,7 @@ struct ModelSections {
   std::size_t keyframe_names = 0;
   std::size_t landmark_positions = 0;
   std::size_t landmark_descriptors = 0;
+  std::size_t landmark_chroma = 0;
   std::size_t details = 0;
   std::size_t golden_queries = 0;
   std::size_t floor_plan = 0;
@@ -198,6 +206,7 @@ struct ModelCodeTables {
   std::span<const std::uint8_t> keyframe_landmarks;
   std::span<const std::uint8_t> keyframe_names;
   std::span<const std::uint8_t> landmark_descriptors;
+  std::span<const std::uint8_t> landmark_chroma;
   std::span<const std::uint8_t> detail_lists;
   std::span<const std::uint8_t> golden_descriptors;
 };
@@ -278,6 +287,7 @@ class ModelView {
     std::vector<std::uint32_t> keyframe_landmarks;
     std::vector<std::string> keyframe_names;
     std::vector<std::int8_t> landmark_descriptors;
+    std::vector<std::int8_t> landmark_chroma;
     std::vector<std::uint8_t> detail_lists;
     std::vector<std::int8_t> golden_descriptors;
   };

@@ -80,8 +80,12 @@ flatbuffers::Offset<fb::Landmarks> BuildLandmarks(flatbuffers::FlatBufferBuilder
   const auto sign = b.CreateVector(d.landmark_laplacian_sign);
   const auto rarity = b.CreateVector(d.landmark_rarity);
   const auto map_metric = b.CreateVector(d.map_metric);
+  const auto chroma = d.landmark_chroma.empty()
+                          ? flatbuffers::Offset<fb::EncodedRows>()
+                          : BuildDescriptors(b, d.code_tables.landmark_chroma, d.landmark_chroma,
+                                             kLandmarkChromaDim);
   return fb::CreateLandmarks(b, map_begin, map_origin, map_step, position, descriptors, sign,
-                             rarity, d.pixel_sigma, map_metric);
+                             rarity, d.pixel_sigma, map_metric, chroma);
 }
 
 flatbuffers::Offset<fb::FloorPlan> BuildFloorPlan(flatbuffers::FlatBufferBuilder& b,
@@ -278,7 +282,8 @@ bool HasCodeTables(const ModelData& d) {
   };
   return std::ranges::all_of(
       std::array{&t.words, &t.weights, &t.keyframe_words, &t.keyframe_landmarks, &t.keyframe_names,
-                 &t.landmark_descriptors, &t.detail_lists, &t.golden_descriptors},
+                 &t.landmark_descriptors, &t.landmark_chroma, &t.detail_lists,
+                 &t.golden_descriptors},
       opens);
 }
 
@@ -288,6 +293,8 @@ bool HasWholeRows(const ModelData& d) {
   const std::size_t lists = (d.locations.size() + 1) * 2 * words;
   return d.words.size() == words * Dim(d) &&
          d.landmark_descriptors.size() == d.landmark_position.size() * Dim(d) &&
+         (d.landmark_chroma.empty() ||
+          d.landmark_chroma.size() == d.landmark_position.size() * kLandmarkChromaDim) &&
          d.golden.descriptors.size() == d.golden.laplacian_sign.size() * Dim(d) &&
          d.keyframe_pose.size() == d.keyframe_has_pose.size() &&
          (d.details.codes.empty() || d.details.list_size.size() == lists);
@@ -409,6 +416,7 @@ void UnpackMaps(const ModelView& m, ModelData& d) {
   d.landmark_descriptors = Owned(l.descriptors);
   d.landmark_laplacian_sign = Owned(l.laplacian_sign);
   d.landmark_rarity = Owned(l.rarity);
+  d.landmark_chroma = Owned(l.chroma);
   d.pixel_sigma = l.pixel_sigma;
 }
 
@@ -496,6 +504,7 @@ ModelData UnpackModel(const ModelView& model) {
                       .keyframe_landmarks = Owned(tables.keyframe_landmarks),
                       .keyframe_names = Owned(tables.keyframe_names),
                       .landmark_descriptors = Owned(tables.landmark_descriptors),
+                      .landmark_chroma = Owned(tables.landmark_chroma),
                       .detail_lists = Owned(tables.detail_lists),
                       .golden_descriptors = Owned(tables.golden_descriptors)};
   return data;

@@ -57,6 +57,7 @@ struct ModelData {
   std::vector<std::int8_t> landmark_descriptors;  // [landmarks, features.descriptor_dim]
   std::vector<std::int8_t> landmark_laplacian_sign;
   std::vector<std::uint8_t> landmark_rarity;
+  std::vector<std::int8_t> landmark_chroma;  // [landmarks, kLandmarkChromaDim], or none
   float pixel_sigma = 1;
   bool metric = false;
   // An empty picture: none.
@@ -97,6 +98,7 @@ struct ModelData {
     std::vector<std::uint8_t> keyframe_landmarks;
     std::vector<std::uint8_t> keyframe_names;
     std::vector<std::uint8_t> landmark_descriptors;
+    std::vector<std::uint8_t> landmark_chroma;
     std::vector<std::uint8_t> detail_lists;
     std::vector<std::uint8_t> golden_descriptors;
   } code_tables;

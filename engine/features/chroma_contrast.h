@@ -12,8 +12,6 @@
 
 namespace viewfix {
 
-inline constexpr int kChromaDim = 8;
-
 // How colours differ about key points: the mean Cb and Cr of parts of a square of 16 sigma, turned
 // by the orientation, each divided by the part's mean grey value, against each other. A colour's
 // own value is left out, since a camera's white balance moves it, and each walk through a building

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: BSD-3-Clause
 #include "engine/features/feature_extractor.h"
 
+#include <string_view>
+
 #ifdef VIEWFIX_HAVE_SURF
 #include "engine/features/surf.h"
 #endif
@@ -15,12 +17,14 @@ const char* FeatureTypeName(FeatureType type) {
       return "sift";
     case FeatureType::kColorSurf:
       return "color-surf";
+    case FeatureType::kSurfChroma:
+      return "surf-chroma";
   }
   return "unknown";
 }
 
 Status FeatureOptions::Validate() const {
-  if (type != FeatureType::kSurf && type != FeatureType::kSift && type != FeatureType::kColorSurf) {
+  if (std::string_view(FeatureTypeName(type)) == "unknown") {
     return Status(StatusCode::kInvalidArgument, "unknown feature type");
   }
   if (max_image_side < 64 || max_image_side > 4096) {
@@ -54,7 +58,7 @@ Result<std::unique_ptr<FeatureExtractor>> CreateFeatureExtractor(const FeatureOp
   const Status status = options.Validate();
   if (!status.ok()) return status;
 #ifdef VIEWFIX_HAVE_SURF
-  if (options.type == FeatureType::kSurf || options.type == FeatureType::kColorSurf) {
+  if (options.type != FeatureType::kSift) {
     return std::unique_ptr<FeatureExtractor>(std::make_unique<Surf>(options));
   }
 #endif

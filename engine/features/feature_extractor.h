@@ -15,11 +15,20 @@ namespace viewfix {
 enum class FeatureType : std::uint8_t {
   kSurf = 1,
   kSift = 2,
-  kColorSurf = 3,  // SURF and, behind it, how colours differ within its square
+  kColorSurf = 3,   // SURF and, behind it, how colours differ within its square
+  kSurfChroma = 4,  // SURF and, beside it, the same of the colours
 };
 
-// "surf", "sift", "color-surf": as users say it; "unknown" of other values.
+// "surf", "sift", "color-surf", "surf-chroma": as users say it; "unknown" of other values.
 const char* FeatureTypeName(FeatureType type);
+
+// Whether its features are others where an image's colours are known.
+constexpr bool SeesColours(FeatureType type) {
+  return type == FeatureType::kColorSurf || type == FeatureType::kSurfChroma;
+}
+
+// Numbers that say how colours differ about a key point (chroma_contrast.h).
+inline constexpr int kChromaDim = 8;
 
 // How features are found. Stored in the model, so that laptop and board do the
 // same.
@@ -51,16 +60,23 @@ struct Keypoint {
 };
 
 // Key points and their descriptors, of a capacity fixed when made. Descriptor i
-// is `dim` signed bytes, of Euclidean length about 127 before rounding (chroma comes on top).
+// is `dim` signed bytes, of Euclidean length about 127 before rounding (chroma comes on top). Where
+// the features have chroma beside their descriptors, and the image has colours, has_chroma().
 class FeatureSet {
  public:
   FeatureSet(int capacity, int dim)
-      : dim_(dim), keypoints_(capacity), descriptors_(std::size_t(capacity) * dim) {}
+      : dim_(dim),
+        keypoints_(capacity),
+        descriptors_(std::size_t(capacity) * dim),
+        chroma_(std::size_t(capacity) * kChromaDim) {}
 
   int size() const { return size_; }
   int capacity() const { return static_cast<int>(keypoints_.size()); }
   int dim() const { return dim_; }
-  void Clear() { size_ = 0; }
+  void Clear() {
+    size_ = 0;
+    has_chroma_ = false;
+  }
 
   // The slot after the last one, counted in; needs size() < capacity().
   int Append(const Keypoint& keypoint) {
@@ -81,11 +97,24 @@ class FeatureSet {
     return {descriptors_.data(), std::size_t(size_) * dim_};
   }
 
+  bool has_chroma() const { return has_chroma_; }
+  void set_has_chroma(bool has_chroma) { has_chroma_ = has_chroma; }
+  // [size() * kChromaDim], one key point's after another's; only where has_chroma().
+  std::span<const std::int8_t> chroma() const {
+    return {chroma_.data(), std::size_t(size_) * kChromaDim};
+  }
+  std::span<std::int8_t, kChromaDim> mutable_chroma(int i) {
+    return std::span<std::int8_t, kChromaDim>(chroma_.data() + std::size_t(i) * kChromaDim,
+                                              std::size_t{kChromaDim});
+  }
+
  private:
   int dim_;
   int size_ = 0;
+  bool has_chroma_ = false;
   std::vector<Keypoint> keypoints_;
   std::vector<std::int8_t> descriptors_;
+  std::vector<std::int8_t> chroma_;
 };
 
 // Finds and describes local features. One instance serves one thread. After

@@ -19,12 +19,13 @@ inline constexpr std::uint32_t kSurfVersion = 1;
 // Speeded-up robust features with 64 dimensions [1]: fast-Hessian blobs, the best
 // by grid, oriented (or upright) and described. The image is mirrored at its
 // edges, so points are found and described up to the edge. Of type kColorSurf, a descriptor has
-// kChromaDim numbers more (chroma_contrast.h); key points are the same.
+// kChromaDim numbers more (chroma_contrast.h); of type kSurfChroma they stand beside it. Key points
+// are the same.
 // [1] H. Bay, A. Ess, T. Tuytelaars, L. Van Gool, Speeded-Up Robust Features,
 //     CVIU 110 (2008).
 class Surf final : public FeatureExtractor {
  public:
-  // `options` valid, of type kSurf or kColorSurf. Allocates all memory that Extract() uses:
+  // `options` valid, of any type but kSift. Allocates all memory that Extract() uses:
   // about 4 (max_image_side + 200)^2 bytes for the integral image, and half as much for chroma.
   explicit Surf(const FeatureOptions& options, CpuPath path = BestCpuPath());
 
@@ -38,7 +39,7 @@ class Surf final : public FeatureExtractor {
   IntegralImage integral_;
   FastHessian detector_;
   GridSelector selector_;
-  std::optional<ChromaContrast> chroma_;  // kColorSurf
+  std::optional<ChromaContrast> chroma_;  // where the type sees colours
 };
 
 }  // namespace viewfix

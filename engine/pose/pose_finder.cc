@@ -7,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "engine/base/exp.h"
 #include "engine/matching/descriptor_matcher.h"
 #include "engine/matching/feature_grid.h"
 #include "engine/pose/absolute_pose.h"
@@ -35,6 +36,20 @@ constexpr int kRounds = 3;
 constexpr double kFinalRadiusSigma = 5;
 constexpr double kInlierSigma = 3.5;
 
+// Of two poses that stand elsewhere, what the features say that have a landmark of each where they
+// are, and the one no farther than kSameThing: whose is more alike, in descriptor and in chroma
+// (where colours are the same, light alone makes differences to kLeastNearerInChroma). What one
+// feature says, and all, is cut, and is the logarithm of a factor to the evidence.
+constexpr float kSameThing = 70;
+constexpr float kMostNearer = 40;
+constexpr float kLeastNearerInChroma = 20;
+constexpr float kMostNearerInChroma = 60;
+constexpr float kFavourOfNearer = 0.05F;
+constexpr float kFavourOfNearerInChroma = 0.2F;
+constexpr float kMostFavour = 2;
+constexpr auto kWorthComparing = static_cast<float>(Exp(-double{kMostFavour}));
+static_assert(kChromaDim == kLandmarkChromaDim);
+
 std::int32_t SquaredDistance(const std::int8_t* a, const std::int8_t* b, int dim) {
   std::int32_t sum = 0;
   for (int i = 0; i < dim; ++i) {
@@ -42,6 +57,26 @@ std::int32_t SquaredDistance(const std::int8_t* a, const std::int8_t* b, int dim
     sum += difference * difference;
   }
   return sum;
+}
+
+// Of a feature and the landmark that a pose puts where it is.
+struct Likeness {
+  float distance = -1;         // of the descriptors; < 0: there is no landmark
+  float chroma_distance = -1;  // < 0: the colours of one are not known
+};
+
+// What a feature says for the first of two landmarks rather than the second.
+float SaidFor(const Likeness& first, const Likeness& second) {
+  if (first.distance < 0 || second.distance < 0) return 0;
+  if (std::min(first.distance, second.distance) > kSameThing) return 0;
+  const auto share = [](float difference, float least, float most) {
+    const float beyond = std::max(0.0F, std::abs(difference) - least) / (most - least);
+    return std::copysign(std::min(1.0F, beyond), difference);
+  };
+  const float said = kFavourOfNearer * share(second.distance - first.distance, 0, kMostNearer);
+  if (first.chroma_distance < 0 || second.chroma_distance < 0) return said;
+  return said + kFavourOfNearerInChroma * share(second.chroma_distance - first.chroma_distance,
+                                                kLeastNearerInChroma, kMostNearerInChroma);
 }
 
 // Landmarks in each part of an image.
@@ -117,6 +152,8 @@ struct PoseFinder::State {
     matched_landmarks.reserve(features);
     kept_inliers.reserve(features);
     used.reserve(features);
+    likeness_of_best.resize(features);
+    likeness_of_other.resize(features);
     ranked.reserve(keyframes.size);
     IndexKeyframes();
     MeasurePaces();
@@ -133,6 +170,12 @@ struct PoseFinder::State {
   int CountShared(int k) const;
   bool AddCandidatesOf(int k);
   const ProposedKeyframe* GatherGroup(std::span<const ProposedKeyframe> proposed);
+  int LocationOf(int k) const;
+  bool IsOfAnotherPlace(int k, const FoundPose& best);
+  void TryCandidates(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                     FoundPose& best);
+  void TryLookAlike(const FeatureSet& features, const Camera& camera, bool refine_focal,
+                    std::span<const ProposedKeyframe> look_alikes, FoundPose& best);
   void MatchCandidates(const FeatureSet& features);
   void AddMatch(const Keypoint& keypoint, std::uint32_t landmark);
 
@@ -147,7 +190,11 @@ struct PoseFinder::State {
   FoundPose Grow(const FeatureSet& features, Camera camera, bool refine_focal, RefinedPose start);
   void Describe(const Camera& camera, FoundPose& found);
   bool Convincing(const FoundPose& found, int min_inliers) const;
-  FoundPose BetterOf(const FoundPose& a, const FoundPose& b) const;
+  bool StandsElsewhere(const FoundPose& pose, int map_idx, const Rigid3& cam_from_world) const;
+  Likeness LikenessOf(const FeatureSet& features, int f, std::uint32_t landmark) const;
+  void Compare(const FeatureSet& features, const FoundPose& found, std::vector<Likeness>& likeness);
+  float FavourOf(const FeatureSet& features, const FoundPose& found, const FoundPose& best);
+  bool TakeIfBetter(const FeatureSet& features, const FoundPose& found, FoundPose& best);
   void KeepInliers();
   void StartFrame(const FeatureSet& features);
 
@@ -183,6 +230,9 @@ struct PoseFinder::State {
   std::vector<std::uint32_t> matched_landmarks;  // [matches]
   std::vector<std::uint8_t> used;                // [matches] inliers
   std::vector<PoseMatch> kept_inliers;           // of the best pose so far
+  std::vector<Likeness> likeness_of_best;        // [features], where is_best_compared
+  std::vector<Likeness> likeness_of_other;       // [features]
+  bool is_best_compared = false;
 };
 
 void PoseFinder::State::IndexKeyframes() {
@@ -233,6 +283,7 @@ void PoseFinder::State::StartFrame(const FeatureSet& features) {
     feature_signs[i] = features.keypoints()[i].laplacian_sign;
   }
   std::fill(tried.begin(), tried.end(), std::uint8_t{0});
+  is_best_compared = false;
 }
 
 void PoseFinder::State::ClearCandidates() {
@@ -275,6 +326,19 @@ const ProposedKeyframe* PoseFinder::State::GatherGroup(std::span<const ProposedK
     if (!AddCandidatesOf(k)) break;
   }
   return first;
+}
+
+int PoseFinder::State::LocationOf(int k) const {
+  return model.scoring().pair_location[keyframes.pair[k]];
+}
+
+// Whether a keyframe is of another location than the best pose's, and shows something else. Changes
+// the candidates.
+bool PoseFinder::State::IsOfAnotherPlace(int k, const FoundPose& best) {
+  if (LocationOf(k) == LocationOf(best.keyframe_idx)) return false;
+  ClearCandidates();
+  AddCandidatesOf(best.keyframe_idx);
+  return CountShared(k) * kSharedOfLandmarks < static_cast<int>(LandmarksOf(k).size());
 }
 
 void PoseFinder::State::AddMatch(const Keypoint& keypoint, std::uint32_t landmark) {
@@ -497,23 +561,139 @@ bool PoseFinder::State::Convincing(const FoundPose& found, int min_inliers) cons
          found.evidence >= options.min_evidence_share * found.expected;
 }
 
-// The pose that more speaks for; the other is its rival if it stands elsewhere.
-FoundPose PoseFinder::State::BetterOf(const FoundPose& a, const FoundPose& b) const {
-  const bool a_first = a.evidence >= b.evidence;
-  FoundPose better = a_first ? a : b;
-  const FoundPose& other = a_first ? b : a;
-  const bool elsewhere = other.evidence > 0 &&
-                         (other.map_idx != better.map_idx ||
-                          Unlike(Inverse(other.pose.cam_from_world),
-                                 Inverse(better.pose.cam_from_world), PaceOf(better.map_idx)) > 1);
+bool PoseFinder::State::StandsElsewhere(const FoundPose& pose, int map_idx,
+                                        const Rigid3& cam_from_world) const {
+  return pose.map_idx != map_idx ||
+         Unlike(Inverse(pose.pose.cam_from_world), Inverse(cam_from_world), PaceOf(map_idx)) > 1;
+}
+
+Likeness PoseFinder::State::LikenessOf(const FeatureSet& features, int f,
+                                       std::uint32_t landmark) const {
+  const auto length = [](std::int32_t squared) { return std::sqrt(static_cast<float>(squared)); };
+  Likeness likeness;
+  likeness.distance = length(SquaredDistance(
+      features.descriptor(f).data(), &landmarks.descriptors[std::size_t(landmark) * dim], dim));
+  if (!features.has_chroma() || landmarks.chroma.empty()) return likeness;
+  const auto steps = landmarks.chroma.subspan(std::size_t(landmark) * kChromaDim, kChromaDim);
+  if (steps[0] == kNoLandmarkChroma) return likeness;
+  std::int32_t sum = 0;
+  for (int i = 0; i < kChromaDim; ++i) {
+    const std::int32_t difference =
+        features.chroma()[std::size_t(f) * kChromaDim + i] - kLandmarkChromaStep * steps[i];
+    sum += difference * difference;
+  }
+  likeness.chroma_distance = length(sum);
+  return likeness;
+}
+
+// Each feature with the most alike of the landmarks that a pose puts where it is.
+void PoseFinder::State::Compare(const FeatureSet& features, const FoundPose& found,
+                                std::vector<Likeness>& likeness) {
+  GatherNear(found.map_idx, found.pose.cam_from_world);
+  std::fill_n(likeness.begin(), features.size(), Likeness());
+  for (const std::uint32_t l : candidates) {
+    Eigen::Vector2d pixel;
+    if (!found.camera.Project(found.pose.cam_from_world * LandmarkPosition(model, l), pixel)) {
+      continue;
+    }
+    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < found.camera.width &&
+          pixel.y() < found.camera.height)) {
+      continue;
+    }
+    grid.ForEachNear(pixel.x(), pixel.y(), options.guided_radius_px, [&](int f) {
+      const Keypoint& keypoint = features.keypoints()[f];
+      const double limit = std::min(kInlierSigma * SigmaOf(keypoint), options.guided_radius_px);
+      const double dx = double{keypoint.x} - pixel.x();
+      const double dy = double{keypoint.y} - pixel.y();
+      if (dx * dx + dy * dy > limit * limit ||
+          keypoint.laplacian_sign != landmarks.laplacian_sign[l]) {
+        return;
+      }
+      const Likeness here = LikenessOf(features, f, l);
+      if (likeness[f].distance < 0 || here.distance < likeness[f].distance) likeness[f] = here;
+    });
+  }
+}
+
+// The factor by which the frame's features favour a pose over the best one, elsewhere. Of
+// look-alike places, the one whose map is the fuller has more evidence, wherever the frame is; what
+// is on both maps tells them apart.
+float PoseFinder::State::FavourOf(const FeatureSet& features, const FoundPose& found,
+                                  const FoundPose& best) {
+  if (!is_best_compared) Compare(features, best, likeness_of_best);
+  is_best_compared = true;
+  Compare(features, found, likeness_of_other);
+  float favour = 0;
+  for (int f = 0; f < features.size(); ++f) {
+    favour += SaidFor(likeness_of_other[f], likeness_of_best[f]);
+  }
+  return static_cast<float>(Exp(double{std::clamp(favour, -kMostFavour, kMostFavour)}));
+}
+
+// Keeps the pose that more speaks for; the other is its rival if it stands elsewhere, with the
+// evidence that it has once the features that favour either are counted. One that does not convince
+// takes no place of one that does.
+bool PoseFinder::State::TakeIfBetter(const FeatureSet& features, const FoundPose& found,
+                                     FoundPose& best) {
+  const bool elsewhere =
+      best.evidence > 0 && StandsElsewhere(found, best.map_idx, best.pose.cam_from_world);
+  const bool compared = elsewhere && std::min(found.evidence, best.evidence) >
+                                         kWorthComparing * std::max(found.evidence, best.evidence);
+  const float favour = compared ? FavourOf(features, found, best) : 1;
+  const bool allowed =
+      Convincing(found, options.min_inliers) || !Convincing(best, options.min_inliers);
+  const bool better = allowed && found.evidence * favour > best.evidence;
+  const FoundPose other = better ? best : found;
+  if (better) {
+    best = found;
+    std::swap(likeness_of_best, likeness_of_other);
+    is_best_compared = compared;
+  }
+  const float of_best =
+      better ? 1 / favour : 1;  // those of the best so far were compared with that
   const auto take = [&](PoseRival rival) {
-    for (PoseRival& place : better.rivals) {
+    if (!StandsElsewhere(best, rival.map_idx, rival.cam_from_world)) return;
+    for (PoseRival& place : best.rivals) {
       if (rival.evidence > place.evidence) std::swap(rival, place);
     }
   };
-  if (elsewhere) take({other.evidence, other.keyframe_idx});
-  for (const PoseRival& rival : other.rivals) take(rival);
+  if (elsewhere) {
+    const float evidence = other.evidence * (better ? of_best : favour);
+    take({std::min(evidence, best.evidence), other.keyframe_idx, other.map_idx,
+          other.pose.cam_from_world});
+  }
+  for (PoseRival rival : other.rivals) {
+    rival.evidence *= of_best;
+    if (rival.evidence > 0) take(rival);
+  }
   return better;
+}
+
+// The pose that the candidates give, if it is better than the best so far.
+void PoseFinder::State::TryCandidates(const FeatureSet& features, const Camera& camera,
+                                      bool refine_focal, FoundPose& best) {
+  MatchCandidates(features);
+  const FoundPose found = FindAmongMatches(features, camera, refine_focal, estimator);
+  if (found.evidence > 0 && TakeIfBetter(features, found, best)) KeepInliers();
+}
+
+// Scores may be sure of one of two look-alike places: the other has its say.
+void PoseFinder::State::TryLookAlike(const FeatureSet& features, const Camera& camera,
+                                     bool refine_focal,
+                                     std::span<const ProposedKeyframe> look_alikes,
+                                     FoundPose& best) {
+  if (best.keyframe_idx < 0) return;
+  for (std::size_t i = 0; i < look_alikes.size(); ++i) {
+    const int k = look_alikes[i].keyframe_idx;
+    if (!IsOfAnotherPlace(k, best)) continue;
+    const bool compared = std::ranges::any_of(best.rivals, [&](const PoseRival& rival) {
+      return rival.keyframe_idx >= 0 && LocationOf(rival.keyframe_idx) == LocationOf(k);
+    });
+    if (!compared && tried[k] == 0 && GatherGroup(look_alikes.subspan(i)) != nullptr) {
+      TryCandidates(features, camera, refine_focal, best);
+    }
+    return;
+  }
 }
 
 PoseFinder::PoseFinder(std::unique_ptr<State> state) : state_(std::move(state)) {}
@@ -538,7 +718,8 @@ Result<PoseFinder> PoseFinder::Create(const ModelView& model, const PoseFinderOp
 }
 
 FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
-                           std::span<const ProposedKeyframe> proposed) {
+                           std::span<const ProposedKeyframe> proposed,
+                           std::span<const ProposedKeyframe> look_alikes) {
   State& s = *state_;
   s.StartFrame(features);
   FoundPose best;
@@ -547,11 +728,9 @@ FoundPose PoseFinder::Find(const FeatureSet& features, const Camera& camera, boo
     if (first == nullptr) break;
     const bool certain = best.num_inliers >= kCertainTimes * s.options.min_inliers;
     if (certain && first->promise < proposed.front().promise - s.options.rival_promise) break;
-    s.MatchCandidates(features);
-    const FoundPose found = s.FindAmongMatches(features, camera, refine_focal, s.estimator);
-    if (found.evidence > best.evidence) s.KeepInliers();  // as BetterOf() chooses
-    best = s.BetterOf(best, found);
+    s.TryCandidates(features, camera, refine_focal, best);
   }
+  s.TryLookAlike(features, camera, refine_focal, look_alikes, best);
   best.found = s.Convincing(best, s.options.min_inliers);
   return best;
 }

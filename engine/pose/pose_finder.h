@@ -22,7 +22,7 @@ struct PoseFinderOptions {
   // Groups of keyframes that see the same landmarks, tried one after another, >= 1.
   int max_groups = 6;
   // A pose that many matches agree with ends the search, but for groups whose promise comes so
-  // close to the best's, >= 0: look-alike places are compared by what agrees with each.
+  // close to the best's, >= 0, and a look-alike: such places are compared by what agrees with each.
   float rival_promise = 1.0F;
   // Matches that must agree on a pose, >= 4.
   int min_inliers = 15;
@@ -55,10 +55,13 @@ struct ProposedKeyframe {
   float promise = 0;
 };
 
-// What speaks for a pose elsewhere, of a look-alike place say.
+// What speaks for a pose elsewhere, of a look-alike place say: its evidence, and what features say
+// that are more like a landmark of the one than of the other.
 struct PoseRival {
   float evidence = 0;
   int keyframe_idx = -1;  // as FoundPose's
+  int map_idx = -1;
+  Rigid3 cam_from_world;
 };
 
 struct FoundPose {
@@ -90,9 +93,12 @@ class PoseFinder {
   ~PoseFinder();
 
   // `proposed`: most promising first. `camera`: of the image that features were found in;
-  // `refine_focal`: its focal length is a guess. No pose is an outcome, not an error.
+  // `refine_focal`: its focal length is a guess. `look_alikes`: keyframes of places that may be
+  // what the frame shows, too; the first that shows another than the pose found is tried in any
+  // case. No pose is an outcome, not an error.
   FoundPose Find(const FeatureSet& features, const Camera& camera, bool refine_focal,
-                 std::span<const ProposedKeyframe> proposed);
+                 std::span<const ProposedKeyframe> proposed,
+                 std::span<const ProposedKeyframe> look_alikes = {});
 
   // The same among the matches of guided matching about a pose that is nearly right, as that
   // predicted from the frame before. Found only if much of what should be seen is: else Find()

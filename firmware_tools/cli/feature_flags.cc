@@ -9,7 +9,8 @@ namespace viewfix {
 void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
   static const std::map<std::string, FeatureType> kTypes = [] {
     std::map<std::string, FeatureType> types;
-    for (const auto type : {FeatureType::kSurf, FeatureType::kColorSurf, FeatureType::kSift}) {
+    for (const auto type : {FeatureType::kSurf, FeatureType::kSurfChroma, FeatureType::kColorSurf,
+                            FeatureType::kSift}) {
       types.emplace(FeatureTypeName(type), type);
     }
     return types;
@@ -17,8 +18,10 @@ void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
   command
       .add_option_function<std::string>(
           "--features", [&options](const std::string& name) { options.type = kTypes.at(name); },
-          "surf; color-surf, where `train` has no map to check places by: sees colours, too; "
-          "or sift (models for the laptop only)")
+          "surf; surf-chroma, where `train` makes a map: colours tell look-alike places apart; "
+          "color-surf, where it makes none: descriptors see colours; or sift (models for the "
+          "laptop "
+          "only)")
       ->check(CLI::IsMember(kTypes));
   command
       .add_option("--max-features", options.max_features,

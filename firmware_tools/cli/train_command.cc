@@ -223,8 +223,11 @@ bool HasMap(const ImageSet& set, MapSource source) {
 // 800, 88.9 % with 1600.
 constexpr int kFeaturesWithoutMap = 1600;
 
-void ChooseFeaturesForDetails(const TrainFlags& flags, FeatureOptions& features) {
-  if (!flags.features_given) features.type = FeatureType::kColorSurf;
+void ChooseFeatures(const TrainFlags& flags, bool map, FeatureOptions& features) {
+  if (!flags.features_given) {
+    features.type = map ? FeatureType::kSurfChroma : FeatureType::kColorSurf;
+  }
+  if (map) return;
   if (!flags.max_features_given) features.max_features = kFeaturesWithoutMap;
 }
 
@@ -233,8 +236,10 @@ void RunTrain(const TrainFlags& flags) {
   CheckCanWrite(flags.out);
   const ImageSet set = LoadImageSetWithPoses(flags.set, flags.poses);
   CheckPosesAskedFor(flags, set);
-  const bool details = options.details.max_bytes > 0 && !HasMap(set, options.map.source);
-  if (details && !options.base) ChooseFeaturesForDetails(flags, options.features);
+  const bool map = HasMap(set, options.map.source);
+  if (!options.base && (map || options.details.max_bytes > 0)) {
+    ChooseFeatures(flags, map, options.features);
+  }
   const Preparation prepared = Prepare(set, options, ShowProgress);
   if (options.cache) PrintKept(*options.cache);
   PrintWarnings(set, prepared, options.jobs);

@@ -416,6 +416,7 @@ Json SectionsAsJson(const ModelView& model) {
           {"keyframe_names", sections.keyframe_names},
           {"landmark_positions", sections.landmark_positions},
           {"landmark_descriptors", sections.landmark_descriptors},
+          {"landmark_chroma", sections.landmark_chroma},
           {"details", sections.details},
           {"golden_queries", sections.golden_queries},
           {"floor_plan", sections.floor_plan},

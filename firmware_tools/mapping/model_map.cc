@@ -101,6 +101,7 @@ class Writer {
   }
 
   void Finish(const Reconstruction& largest) {
+    if (!any_chroma_) model_.landmark_chroma.clear();
     WeighByRarity();
     model_.keyframe_landmark_begin = {0};
     for (std::vector<std::uint32_t>& seen : seen_) {
@@ -156,6 +157,7 @@ class Writer {
       const auto keyframe = keyframe_of_.find(idx_of_.at(image.name));
       if (keyframe != keyframe_of_.end()) seen_[keyframe->second].push_back(landmark);
     }
+    AddChroma(map, point);
     const float scale = kDescriptorLength / std::max(sum.norm(), 1e-6F);
     for (int d = 0; d < features_.dim; ++d) {
       const float value = std::clamp(std::round(sum[d] * scale), -127.0F, 127.0F);
@@ -164,6 +166,28 @@ class Writer {
     model_.landmark_laplacian_sign.push_back(static_cast<std::int8_t>(sign > 0   ? 1
                                                                       : sign < 0 ? -1
                                                                                  : 0));
+  }
+
+  // Mean of the photographs with colours.
+  void AddChroma(const Reconstruction& map, const MapPoint& point) {
+    if (features_.options.type != FeatureType::kSurfChroma) return;
+    Eigen::Vector<float, kChromaDim> sum = Eigen::Vector<float, kChromaDim>::Zero();
+    float seen = 0;
+    for (const Observation& o : point.track) {
+      const std::vector<std::int8_t>& chroma = FeaturesOf(map.images[o.image_idx]).chroma;
+      if (chroma.empty()) continue;
+      seen += kLandmarkChromaStep;
+      for (int d = 0; d < kChromaDim; ++d) {
+        sum[d] += chroma[std::size_t(o.feature_idx) * kChromaDim + d];
+      }
+    }
+    const std::size_t row = model_.landmark_chroma.size();
+    for (const float value : sum) {
+      model_.landmark_chroma.push_back(
+          static_cast<std::int8_t>(std::lround(value / std::max(seen, 1.0F))));
+    }
+    if (seen == 0) model_.landmark_chroma[row] = kNoLandmarkChroma;
+    any_chroma_ = any_chroma_ || seen > 0;
   }
 
   // Of an observation, in units of its key point's scale.
@@ -247,6 +271,7 @@ class Writer {
   std::map<int, int> keyframe_of_;                // by image
   std::vector<std::vector<std::uint32_t>> seen_;  // [keyframes] landmarks
   std::vector<double> errors_;
+  bool any_chroma_ = false;
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   double step_ = 1;
 };

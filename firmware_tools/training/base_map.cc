@@ -139,6 +139,7 @@ class MapMerger {
     model_.landmark_descriptors.clear();
     model_.landmark_laplacian_sign.clear();
     model_.landmark_rarity.clear();
+    model_.landmark_chroma.clear();
   }
 
   // What photographs that stay, or come, see.
@@ -218,11 +219,18 @@ class MapMerger {
   }
 
   void Copy(const ModelData& from, std::size_t landmark) {
-    const int dim = model_.features.descriptor_dim;
-    const auto descriptor =
-        from.landmark_descriptors.begin() + static_cast<std::ptrdiff_t>(landmark * dim);
-    model_.landmark_descriptors.insert(model_.landmark_descriptors.end(), descriptor,
-                                       descriptor + dim);
+    const auto add_row = [&](const std::vector<std::int8_t>& rows, int dim,
+                             std::vector<std::int8_t>& to) {
+      const auto row = rows.begin() + static_cast<std::ptrdiff_t>(landmark * dim);
+      to.insert(to.end(), row, row + dim);
+    };
+    add_row(from.landmark_descriptors, model_.features.descriptor_dim, model_.landmark_descriptors);
+    if (!from.landmark_chroma.empty()) {
+      add_row(from.landmark_chroma, kLandmarkChromaDim, model_.landmark_chroma);
+    } else if (!base_.landmark_chroma.empty() || !fresh_.landmark_chroma.empty()) {
+      model_.landmark_chroma.push_back(kNoLandmarkChroma);
+      model_.landmark_chroma.resize(model_.landmark_chroma.size() + kLandmarkChromaDim - 1, 0);
+    }
     model_.landmark_laplacian_sign.push_back(from.landmark_laplacian_sign[landmark]);
     model_.landmark_rarity.push_back(from.landmark_rarity[landmark]);
   }

@@ -37,16 +37,19 @@ ImageFeatures ExtractOne(const std::filesystem::path& path, const std::string& b
     throw ToolError(path.string() + ": only " + std::to_string(f.size()) +
                     " features: blank, dark or blurred");
   }
-  return {working.width,
-          working.height,
-          exif,
-          {f.keypoints().begin(), f.keypoints().end()},
-          {f.descriptors().begin(), f.descriptors().end()}};
+  ImageFeatures found = {working.width,
+                         working.height,
+                         exif,
+                         {f.keypoints().begin(), f.keypoints().end()},
+                         {f.descriptors().begin(), f.descriptors().end()},
+                         {}};
+  if (f.has_chroma()) found.chroma.assign(f.chroma().begin(), f.chroma().end());
+  return found;
 }
 
 // Rises whenever the same file and options would give something else, the extractor itself being
 // the same: by another decoder, shrinker, or file below.
-constexpr int kKeptVersion = 1;
+constexpr int kKeptVersion = 2;
 
 Hash256 KeyOf(const std::string& bytes, const FeatureOptions& options,
               const FeatureExtractor& extractor) {
@@ -80,6 +83,8 @@ struct Codec {
       writer.Add(k.laplacian_sign);
     }
     writer.AddAll(std::span<const std::int8_t>(features.descriptors));
+    writer.Add(std::uint8_t{!features.chroma.empty()});
+    writer.AddAll(std::span<const std::int8_t>(features.chroma));
   }
 
   bool Load(ByteReader& reader, ImageFeatures& features) const {
@@ -101,6 +106,11 @@ struct Codec {
     }
     features.descriptors.resize(count * dim);
     reader.TakeAll(std::span(features.descriptors));
+    if (!reader.Has(1, 1)) return false;
+    if (reader.Take<std::uint8_t>() == 0) return true;
+    if (!reader.Has(count, kChromaDim)) return false;
+    features.chroma.resize(count * kChromaDim);
+    reader.TakeAll(std::span(features.chroma));
     return true;
   }
 };

@@ -21,6 +21,7 @@ struct ImageFeatures {
   ExifInfo exif;
   std::vector<Keypoint> keypoints;
   std::vector<std::int8_t> descriptors;  // [keypoints, dim]
+  std::vector<std::int8_t> chroma;       // [keypoints, kChromaDim], or none is known
 };
 
 // Features of an image set, by index into ImageSet::images.

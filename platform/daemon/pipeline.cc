@@ -23,8 +23,8 @@ constexpr std::int64_t kIdleAfterNs = 2 * kSecondNs;
 // While idle, so often is looked whether something moves.
 constexpr std::int64_t kIdleLookNs = kSecondNs / 5;
 
-bool WantsColours(const LoadedModel& model) {
-  return model.view.features().type == static_cast<std::uint8_t>(FeatureType::kColorSurf);
+FeatureType TypeOf(const LoadedModel& model) {
+  return static_cast<FeatureType>(model.view.features().type);
 }
 
 }  // namespace
@@ -124,7 +124,7 @@ void Pipeline::CaptureOne(Frame& frame) {
 
 bool Pipeline::LumaIsEnough() const {
   const std::shared_ptr<LoadedModel> model = parts_.models->Current();
-  return model != nullptr && !WantsColours(*model);
+  return model != nullptr && !SeesColours(TypeOf(*model));
 }
 
 void Pipeline::Hand(Frame& frame) {
@@ -167,7 +167,8 @@ bool Pipeline::Turn(Frame& frame) {
 
 // Once a model; frames that the model before wanted without colours say nothing of the camera.
 void Pipeline::LookForColours(const Frame& frame) {
-  if (colours_looked_for_ || !WantsColours(*model_) || frame.image.luma_only) return;
+  const bool matters = TypeOf(*model_) == FeatureType::kColorSurf;  // all descriptors would differ
+  if (colours_looked_for_ || !matters || frame.image.luma_only) return;
   colours_looked_for_ = true;
   if (!frame.image.view().chroma.empty()) return;
   log_.Write(LogLevel::kWarning,

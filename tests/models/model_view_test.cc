@@ -103,6 +103,9 @@ ModelData MappedModelData() {
     data.landmark_rarity.push_back(static_cast<std::uint8_t>(255 / (1 + l)));
   }
   data.landmark_descriptors.assign(std::size_t{10} * data.features.descriptor_dim, 7);
+  for (int i = 0; i < 10 * kLandmarkChromaDim; ++i) {
+    data.landmark_chroma.push_back(static_cast<std::int8_t>(i % 33 - 16));
+  }
   data.pixel_sigma = 0.5F;
   data.map_metric = {1, 0};
   // Of the keyframes with a pose (even ones) the last has no landmarks.
@@ -129,6 +132,7 @@ TEST(ModelView, ReadsLandmarks) {
   EXPECT_THAT(landmarks.laplacian_sign, ::testing::ElementsAreArray(data.landmark_laplacian_sign));
   EXPECT_EQ(landmarks.pixel_sigma, 0.5F);
   EXPECT_THAT(landmarks.rarity, ::testing::ElementsAreArray(data.landmark_rarity));
+  EXPECT_THAT(landmarks.chroma, ::testing::ElementsAreArray(data.landmark_chroma));
   EXPECT_TRUE(view.metric(0));
   EXPECT_FALSE(view.metric(1));
   EXPECT_THAT(view.keyframes().landmarks, ::testing::ElementsAreArray(data.keyframe_landmarks));
@@ -250,6 +254,7 @@ TEST(ModelView, ReadsLandmarksThatLieFarApart) {
   data.landmark_position.resize(kMany);
   data.landmark_laplacian_sign.resize(kMany, 1);
   data.landmark_rarity.resize(kMany, 255);
+  data.landmark_chroma.resize(kMany * kLandmarkChromaDim, 1);
   data.landmark_descriptors.resize(kMany * data.features.descriptor_dim, 3);
   data.keyframe_landmarks = {0, 1, 2, 5, 2, 3, 4, 5, 6, 261, 517, 999};  // steps of 255, 256, 482
   const auto file = WriteModel(data);
@@ -337,8 +342,9 @@ ModelData EncodedModelData() {
   data.golden.pair = {0};
   data.golden.has_pose = {0};
   data.golden.pose = {{}};
-  data.code_tables = {SkewedTable(0), SkewedTable(2),  SkewedTable(4),  SkewedTable(6),
-                      SkewedTable(8), SkewedTable(10), SkewedTable(12), SkewedTable(14)};
+  data.code_tables = {SkewedTable(0),  SkewedTable(2),  SkewedTable(4),
+                      SkewedTable(6),  SkewedTable(8),  SkewedTable(10),
+                      SkewedTable(12), SkewedTable(14), SkewedTable(16)};
   return data;
 }
 
@@ -353,6 +359,7 @@ TEST(ModelView, KeepsTheTablesOfEachOfItsRows) {
   EXPECT_EQ(read.code_tables.keyframe_landmarks, data.code_tables.keyframe_landmarks);
   EXPECT_EQ(read.code_tables.keyframe_names, data.code_tables.keyframe_names);
   EXPECT_EQ(read.code_tables.landmark_descriptors, data.code_tables.landmark_descriptors);
+  EXPECT_EQ(read.code_tables.landmark_chroma, data.code_tables.landmark_chroma);
   EXPECT_EQ(read.code_tables.detail_lists, data.code_tables.detail_lists);
   EXPECT_EQ(read.code_tables.golden_descriptors, data.code_tables.golden_descriptors);
   EXPECT_EQ(read.weights, data.weights);
@@ -360,6 +367,7 @@ TEST(ModelView, KeepsTheTablesOfEachOfItsRows) {
   EXPECT_EQ(read.keyframe_landmarks, data.keyframe_landmarks);
   EXPECT_EQ(read.keyframe_names, data.keyframe_names);
   EXPECT_EQ(read.landmark_descriptors, data.landmark_descriptors);
+  EXPECT_EQ(read.landmark_chroma, data.landmark_chroma);
   EXPECT_EQ(read.details.list_size, data.details.list_size);
   EXPECT_EQ(read.golden.descriptors, data.golden.descriptors);
 }
@@ -609,6 +617,8 @@ INSTANTIATE_TEST_SUITE_P(
         Broken{"no_positions", [](ModelData& d) { d.landmark_position.clear(); }},
         Broken{"descriptors_short", [](ModelData& d) { d.landmark_descriptors.pop_back(); }},
         Broken{"descriptors_long", [](ModelData& d) { d.landmark_descriptors.push_back(0); }},
+        Broken{"chroma_short", [](ModelData& d) { d.landmark_chroma.resize(72); }},
+        Broken{"chroma_of_no_whole_rows", [](ModelData& d) { d.landmark_chroma.pop_back(); }},
         Broken{"sign_missing", [](ModelData& d) { d.landmark_laplacian_sign.pop_back(); }},
         Broken{"sign_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = 2; }},
         Broken{"sign_minus_two", [](ModelData& d) { d.landmark_laplacian_sign[3] = -2; }},

@@ -203,5 +203,48 @@ TEST(ColorSurf, IsSurfAndContrasts) {
   }
 }
 
+TEST(SurfChroma, IsSurfWithTheContrastsBesideIt) {
+  FeatureOptions options;
+  options.max_image_side = 240;
+  options.max_features = 200;
+  Surf grey(options);
+  options.type = FeatureType::kSurfChroma;
+  Surf colour(options);
+  ASSERT_EQ(colour.descriptor_dim(), kSurfDim);
+  const Colours colours(
+      100, [](double x, double y) { return int(x + y) % 256; },
+      [](double x, double) { return int(x); }, BarsImage(kSide, kSide, 1));
+  FeatureSet of_grey(200, kSurfDim), of_colour(200, kSurfDim);
+  ASSERT_TRUE(grey.Extract(colours.View(), of_grey).ok());
+  ASSERT_TRUE(colour.Extract(colours.View(), of_colour).ok());
+  ASSERT_GT(of_colour.size(), 20);
+  EXPECT_TRUE(std::ranges::equal(of_colour.descriptors(), of_grey.descriptors()));
+  EXPECT_FALSE(of_grey.has_chroma());
+  ASSERT_TRUE(of_colour.has_chroma());
+  for (int i = 0; i < of_colour.size(); ++i) {
+    const auto chroma = of_colour.chroma().subspan(std::size_t(i) * kChromaDim, kChromaDim);
+    EXPECT_TRUE(std::ranges::equal(chroma, colours.At(of_colour.keypoints()[i])));
+  }
+  ImageView without = colours.View();
+  without.chroma = {};
+  ASSERT_TRUE(colour.Extract(without, of_colour).ok());
+  EXPECT_FALSE(of_colour.has_chroma());
+}
+
+TEST(SurfChroma, AGreyPictureInAColourFormatHasNoColours) {
+  FeatureOptions options;
+  options.type = FeatureType::kSurfChroma;
+  options.max_image_side = 240;
+  options.max_features = 200;
+  Surf surf(options);
+  const Colours colours(
+      100, [](double, double) { return 128; }, [](double x, double) { return 128 + int(x) % 2; },
+      BarsImage(kSide, kSide, 1));
+  FeatureSet features(200, kSurfDim);
+  ASSERT_TRUE(surf.Extract(colours.View(), features).ok());
+  ASSERT_GT(features.size(), 20);
+  EXPECT_FALSE(features.has_chroma());
+}
+
 }  // namespace
 }  // namespace viewfix

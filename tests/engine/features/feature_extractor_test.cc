@@ -20,7 +20,7 @@ TEST(FeatureOptions, RefusesEachFieldOutsideItsRange) {
     return options.Validate().code() == StatusCode::kInvalidArgument;
   };
   EXPECT_TRUE(refuses([](auto& o) { o.type = FeatureType(0); }));
-  EXPECT_TRUE(refuses([](auto& o) { o.type = FeatureType(4); }));
+  EXPECT_TRUE(refuses([](auto& o) { o.type = FeatureType(5); }));
   EXPECT_TRUE(refuses([](auto& o) { o.max_image_side = 63; }));
   EXPECT_TRUE(refuses([](auto& o) { o.max_image_side = 4097; }));
   EXPECT_TRUE(refuses([](auto& o) { o.max_features = 15; }));

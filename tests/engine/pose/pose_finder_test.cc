@@ -114,14 +114,25 @@ TEST(PoseFinder, NoKeyframesAndNoFeaturesFindNothing) {
   EXPECT_FALSE(finder->FindNear(none, SyntheticSite::camera(), false, 0, truth).found);
 }
 
-// Both maps hold the same things, a look-alike room: each pose has a rival that as many agree with.
-TEST(PoseFinder, ALookAlikePlaceIsARival) {
+// Both maps hold the same things, a look-alike room.
+SyntheticSite SiteOfTwins() {
   SyntheticSite site(2);
   ModelData& data = site.data();
   const std::size_t half = data.landmark_position.size() / 2;
   std::copy_n(data.landmark_position.begin(), half, data.landmark_position.begin() + half);
   std::copy_n(data.landmark_descriptors.begin(), half * SyntheticSite::kDim,
               data.landmark_descriptors.begin() + half * SyntheticSite::kDim);
+  return site;
+}
+
+// The second of the maps is the fuller: of every other landmark of the first, little is said.
+void HideHalfOfTheFirst(ModelData& data) {
+  for (std::uint32_t l = 0; l < data.map_begin[1]; l += 2) data.landmark_rarity[l] = 20;
+}
+
+// Each pose has a rival that as many agree with.
+TEST(PoseFinder, ALookAlikePlaceIsARival) {
+  SyntheticSite site = SiteOfTwins();
   Finder finder(site);
   const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
   const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
@@ -134,6 +145,73 @@ TEST(PoseFinder, ALookAlikePlaceIsARival) {
       finder->Find(features, SyntheticSite::camera(), false, Proposed({0, 1, 2, 3}));
   EXPECT_EQ(alone.rivals[0].evidence, 0);
   EXPECT_EQ(alone.rivals[0].keyframe_idx, -1);
+}
+
+// More agrees with the twin whose map is the fuller, but colours are those of the other.
+TEST(PoseFinder, ColoursTellLookAlikePlacesApart) {
+  SyntheticSite site = SiteOfTwins();
+  site.Colour();
+  HideHalfOfTheFirst(site.data());
+  Finder finder(site);
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
+  const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, AllKeyframes());
+  ExpectAt(found, truth, 0.01, 0.003);
+  EXPECT_EQ(found.map_idx, 0);
+  EXPECT_GT(found.rivals[0].evidence, 0);
+  EXPECT_LT(found.rivals[0].evidence, 0.5F * found.evidence);
+  features.set_has_chroma(false);
+  EXPECT_EQ(finder->Find(features, SyntheticSite::camera(), false, AllKeyframes()).map_idx, 1);
+}
+
+// The same of descriptors, where one in five things is not the same.
+TEST(PoseFinder, WhatDiffersTellsLookAlikePlacesApart) {
+  SyntheticSite site = SiteOfTwins();
+  ModelData& data = site.data();
+  for (std::size_t l = data.map_begin[1]; l < data.landmark_position.size(); l += 5) {
+    std::int8_t* descriptor = &data.landmark_descriptors[l * SyntheticSite::kDim];
+    std::transform(descriptor, descriptor + SyntheticSite::kDim, descriptor, std::negate<>());
+  }
+  HideHalfOfTheFirst(data);
+  Finder finder(site);
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  const FeatureSet features = site.See(SyntheticSite::camera(), truth, 0);
+  EXPECT_EQ(finder->Find(features, SyntheticSite::camera(), false, AllKeyframes()).map_idx, 0);
+}
+
+// Scores are sure of the wrong one of two look-alike places: the other is tried if it is named as
+// one, and what is given is what agrees with the better.
+TEST(PoseFinder, ALookAlikePlaceIsTriedInAnyCase) {
+  SyntheticSite site = SiteOfTwins();
+  site.Colour();
+  Finder finder(site);
+  const Rigid3 truth = SyntheticSite::CamFromWorld(3.5);
+  const std::vector<ProposedKeyframe> first = Proposed({0, 1, 2, 3});
+  const std::vector<ProposedKeyframe> second = Proposed({4, 5, 6, 7});
+  for (const int map : {0, 1}) {
+    const FeatureSet features = site.See(SyntheticSite::camera(), truth, map);
+    EXPECT_EQ(finder->Find(features, SyntheticSite::camera(), false, first).map_idx, 0);
+    const FoundPose found = finder->Find(features, SyntheticSite::camera(), false, first, second);
+    EXPECT_EQ(found.map_idx, map);
+    EXPECT_EQ(finder->inliers().size(), static_cast<std::size_t>(found.num_inliers));
+    EXPECT_GT(found.rivals[0].evidence, 0);
+    EXPECT_LT(found.rivals[0].evidence, 0.5F * found.evidence);
+  }
+}
+
+// Landmarks that were seen in grey alone have no colours that a frame's could differ from.
+TEST(PoseFinder, ColoursThatAreNotKnownSayNothing) {
+  SyntheticSite site = SiteOfTwins();
+  site.Colour();
+  ModelData& data = site.data();
+  HideHalfOfTheFirst(data);
+  const FeatureSet features =
+      site.See(SyntheticSite::camera(), SyntheticSite::CamFromWorld(3.5), 0);
+  for (std::size_t l = 0; l < data.landmark_position.size(); ++l) {
+    data.landmark_chroma[l * kLandmarkChromaDim] = kNoLandmarkChroma;
+  }
+  Finder finder(site);
+  EXPECT_EQ(finder->Find(features, SyntheticSite::camera(), false, AllKeyframes()).map_idx, 1);
 }
 
 // Far less agrees than the pose puts into the image: something like the place.

@@ -49,6 +49,14 @@ class SyntheticSite {
     return {.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 319.5, .cy = 239.5};
   }
 
+  // Gives every landmark colours of its own.
+  void Colour() {
+    data_.landmark_chroma.resize(data_.landmark_position.size() * kLandmarkChromaDim);
+    for (std::int8_t& step : data_.landmark_chroma) {
+      step = static_cast<std::int8_t>(static_cast<int>(random_() % 9) - 4);
+    }
+  }
+
   // Where the camera of keyframe k, or of a place between two, stands.
   static Rigid3 CamFromWorld(double k) {
     const double share = k / (kKeyframes - 1) - 0.5;
@@ -63,6 +71,7 @@ class SyntheticSite {
   FeatureSet See(const Camera& through, const Rigid3& cam_from_world, int map,
                  const SightOptions& options = {}) {
     FeatureSet features(kMaxFeatures, kDim);
+    features.set_has_chroma(!data_.landmark_chroma.empty());
     std::uniform_real_distribution<double> unit(0, 1);
     std::normal_distribution<double> noise(0, options.noise_px);
     for (std::uint32_t l = data_.map_begin[map]; l < data_.map_begin[map + 1]; ++l) {
@@ -72,6 +81,10 @@ class SyntheticSite {
       if (!seen || unit(random_) > options.share_seen) continue;
       pixel += Eigen::Vector2d(noise(random_), noise(random_));
       Append(pixel, &data_.landmark_descriptors[std::size_t(l) * kDim], features);
+      for (int i = 0; features.has_chroma() && i < kLandmarkChromaDim; ++i) {
+        features.mutable_chroma(features.size() - 1)[i] = static_cast<std::int8_t>(
+            kLandmarkChromaStep * data_.landmark_chroma[std::size_t(l) * kLandmarkChromaDim + i]);
+      }
     }
     for (int i = 0; i < options.clutter; ++i) {
       const auto descriptor = RandomDescriptor();

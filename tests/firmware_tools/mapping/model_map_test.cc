@@ -279,6 +279,34 @@ TEST(AddMapToModel, DescriptorsAreMeansOfUnitLength) {
   }
 }
 
+// Photographs without colours have no say.
+TEST(AddMapToModel, ChromaIsTheMeanOfThePhotographsThatHaveColours) {
+  Mapped mapped = MakeMapped({});
+  EXPECT_TRUE(mapped.model.landmark_chroma.empty());
+  FeatureStore& features = mapped.scene.features;
+  features.options.type = FeatureType::kSurfChroma;
+  for (std::size_t i = 0; i < features.images.size(); ++i) {
+    if (i % 3 == 0) continue;
+    features.images[i].chroma.assign(features.images[i].keypoints.size() * kChromaDim,
+                                     static_cast<std::int8_t>(i % 3 == 1 ? 30 : 50));
+  }
+  ModelData model = TinyModelData();
+  AddMapToModel(mapped.site, mapped.scene.set, features, kKeyframeImages, {}, model);
+  ASSERT_EQ(model.landmark_chroma.size(), model.landmark_position.size() * kLandmarkChromaDim);
+  const auto between = std::ranges::count_if(
+      model.landmark_chroma, [](std::int8_t steps) { return steps >= 4 && steps <= 6; });
+  EXPECT_GT(between, std::ssize(model.landmark_chroma) * 9 / 10);
+  EXPECT_GT(std::ranges::count(model.landmark_chroma, 5), between / 2);
+}
+
+TEST(AddMapToModel, OfGreyPhotographsNoChromaIsKept) {
+  Mapped mapped = MakeMapped({});
+  mapped.scene.features.options.type = FeatureType::kSurfChroma;
+  ModelData model = TinyModelData();
+  AddMapToModel(mapped.site, mapped.scene.set, mapped.scene.features, kKeyframeImages, {}, model);
+  EXPECT_TRUE(model.landmark_chroma.empty());
+}
+
 TEST(AddMapToModel, TheSameBytesWithOneThreadAndTwo) {
   EXPECT_EQ(*WriteModel(MakeMapped({}, 1).model), *WriteModel(MakeMapped({}, 2).model));
 }

@@ -36,14 +36,21 @@ ModelData TrainedAgain(const ModelData& base) {
   return model;
 }
 
-// Of one keyframe: the descriptors that it sees, whatever their landmarks' numbers.
+// Of one keyframe: the descriptors that it sees, with their chroma, whatever their landmarks'
+// numbers.
 std::multiset<std::vector<std::int8_t>> SeenBy(const ModelData& data, int keyframe) {
   const int dim = data.features.descriptor_dim;
   std::multiset<std::vector<std::int8_t>> seen;
   for (std::uint32_t i = data.keyframe_landmark_begin[keyframe];
        i < data.keyframe_landmark_begin[keyframe + 1]; ++i) {
     const auto begin = data.landmark_descriptors.begin() + data.keyframe_landmarks[i] * dim;
-    seen.emplace(begin, begin + dim);
+    std::vector<std::int8_t> row(begin, begin + dim);
+    if (!data.landmark_chroma.empty()) {
+      const auto chroma =
+          data.landmark_chroma.begin() + data.keyframe_landmarks[i] * kLandmarkChromaDim;
+      row.insert(row.end(), chroma, chroma + kLandmarkChromaDim);
+    }
+    seen.insert(row);
   }
   return seen;
 }
@@ -52,6 +59,10 @@ TEST(BaseModelTest, ASetThatDidNotChangeGivesTheSameBytes) {
   BaseModel base{NamedModel(), "id"};
   AddTinyMaps(base.data);
   AddTinyDetails(base.data);
+  const std::size_t landmarks = base.data.landmark_position.size();
+  for (std::size_t i = 0; i < landmarks * kLandmarkChromaDim; ++i) {
+    base.data.landmark_chroma.push_back(static_cast<std::int8_t>(i % 33));
+  }
   ModelData model = base.data;
   for (float& bias : model.bias) bias += 1;
   const BaseReport report = KeepUnchanged(base, true, model);
@@ -117,6 +128,8 @@ TEST(BaseModelTest, KeptKeyframesSeeTheBasesLandmarks) {
   AddTinyMaps(base.data);
   ModelData model = TrainedAgain(base.data);
   for (std::int8_t& value : model.landmark_descriptors) value = static_cast<std::int8_t>(-value);
+  base.data.landmark_chroma.assign(base.data.landmark_position.size() * kLandmarkChromaDim, 3);
+  model.landmark_chroma.assign(model.landmark_position.size() * kLandmarkChromaDim, -5);
   const ModelData trained = model;
   EXPECT_FALSE(KeepUnchanged(base, true, model).frame_grew);
   ASSERT_TRUE(WriteModel(model).ok()) << WriteModel(model).status().text();
