@@ -7,7 +7,7 @@
 #
 #   tests/board/run.sh [--set FOLDER --model FILE] [--cuts N]
 #
-# --set, --model  the photographs and the model; default: a small museum, rendered
+# --set, --model  the photographs and a model without colours; default: a small museum, rendered
 #                 and trained on the way
 # --cuts N        cut the power N times at random moments, while models are installed (default 3)
 #
@@ -78,7 +78,8 @@ make_museum() {
   set=$WORK/museum
   model=$WORK/museum.vfx
   "$HOST_BIN/viewfix" simulate --out "$set" --seed 1 --images-per-view 7
-  "$HOST_BIN/viewfix" train "$set" --out "$model" --words 200
+  # Without colours, as the loopback's frames are.
+  "$HOST_BIN/viewfix" train "$set" --out "$model" --words 200 --features surf
 }
 
 # Pictures of the set's test frames, and beside them one that shows nothing.
