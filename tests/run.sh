@@ -89,29 +89,31 @@ configure_board_alone() {
   (cd "$ROOT" && cmake --preset board -B build/board-alone --fresh "${hidden[@]}")
 }
 
-# start_beside LOG COMMAND...: a command of one core's work, while other checks go on.
+# start_beside LOG COMMAND...: a command of one core's work, while other checks go on; its PID is $!.
 start_beside() {
   local log=$1
   shift
   (status=0; "$@" > "$log" 2>&1 || status=$?; echo "$status" > "$log.status") &
 }
 
-# await LOG: the output and the exit code of what start_beside started, once it is done.
+# await LOG PID: the output and the exit code of what start_beside started, once it is done or dead.
 await() {
-  until [[ -s $1.status ]]; do sleep 1; done
+  while kill -0 "$2" 2> /dev/null && [[ ! -s $1.status ]]; do sleep 1; done
   cat "$1"
+  [[ -s $1.status ]] || return 1
   return "$(< "$1.status")"
 }
 
 check_other_targets() {
-  local same_fixes
+  local same_fixes same_fixes_pid
   check "Board side without the laptop's libraries" configure_board_alone
   check "Static viewfixd for aarch64" "$ROOT/toolchains/build.sh" aarch64 --no-install
   check "Static viewfixd for armhf" "$ROOT/toolchains/build.sh" armhf --no-install
   same_fixes=$(mktemp -d "$ROOT/build/check.XXXXXX")
   start_beside "$same_fixes/log" "$ROOT/tests/toolchains/same_fixes.sh"
+  same_fixes_pid=$!
   check "viewfixd on a virtual board" "$ROOT/tests/board/run.sh"
-  check "The same fixes on ARM as here" await "$same_fixes/log"
+  check "The same fixes on ARM as here" await "$same_fixes/log" "$same_fixes_pid"
   rm -rf "$same_fixes"
   check "Flashes onto a virtual board" "$ROOT/tests/board/flash.sh" --cuts 3
   check "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"

@@ -20,8 +20,7 @@ void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
           "--features", [&options](const std::string& name) { options.type = kTypes.at(name); },
           "surf; surf-chroma, where `train` makes a map: colours tell look-alike places apart; "
           "color-surf, where it makes none: descriptors see colours; or sift (models for the "
-          "laptop "
-          "only)")
+          "laptop only)")
       ->check(CLI::IsMember(kTypes));
   command
       .add_option("--max-features", options.max_features,
