@@ -104,19 +104,27 @@ await() {
   return "$(< "$1.status")"
 }
 
+# check_beside NAME COMMAND... -- NAME COMMAND...: two checks, the second while the first goes on.
+check_beside() {
+  local first=() log pid
+  while [[ $1 != -- ]]; do first+=("$1"); shift; done
+  shift
+  log=$(mktemp "$ROOT/build/check.XXXXXX")
+  start_beside "$log" "${@:2}"
+  pid=$!
+  check "${first[@]}"
+  check "$1" await "$log" "$pid"
+  rm -f "$log" "$log.status"
+}
+
 check_other_targets() {
-  local same_fixes same_fixes_pid
   check "Board side without the laptop's libraries" configure_board_alone
   check "Static viewfixd for aarch64" "$ROOT/toolchains/build.sh" aarch64 --no-install
   check "Static viewfixd for armhf" "$ROOT/toolchains/build.sh" armhf --no-install
-  same_fixes=$(mktemp -d "$ROOT/build/check.XXXXXX")
-  start_beside "$same_fixes/log" "$ROOT/tests/toolchains/same_fixes.sh"
-  same_fixes_pid=$!
-  check "viewfixd on a virtual board" "$ROOT/tests/board/run.sh"
-  check "The same fixes on ARM as here" await "$same_fixes/log" "$same_fixes_pid"
-  rm -rf "$same_fixes"
-  check "Flashes onto a virtual board" "$ROOT/tests/board/flash.sh" --cuts 3
-  check "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"
+  check_beside "viewfixd on a virtual board" "$ROOT/tests/board/run.sh" -- \
+    "The same fixes on ARM as here" "$ROOT/tests/toolchains/same_fixes.sh"
+  check_beside "Flashes onto a virtual board" "$ROOT/tests/board/flash.sh" --cuts 3 -- \
+    "Packages in a Debian root" "$ROOT/tests/toolchains/packages.sh"
 }
 
 check_real_images() {

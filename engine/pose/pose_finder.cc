@@ -181,6 +181,12 @@ struct PoseFinder::State {
 
   void GatherCovisible();
   void GatherNear(int map, const Rigid3& cam_from_world);
+  bool IsInImage(const Camera& camera, const Rigid3& cam_from_world, std::uint32_t landmark,
+                 double margin_px, Eigen::Vector2d& pixel) const;
+  template <typename Visit>
+  void ForEachNear(const FeatureSet& features, std::uint32_t landmark, const Eigen::Vector2d& pixel,
+                   double radius_px, const Visit& visit) const;
+  std::int32_t SquaredDistanceTo(const FeatureSet& features, int f, std::uint32_t landmark) const;
   void MatchGuided(const FeatureSet& features, const Camera& camera, const Rigid3& cam_from_world,
                    double radius_px);
   int MarkInliers(const Camera& camera, const Rigid3& cam_from_world);
@@ -409,31 +415,50 @@ void PoseFinder::State::GatherNear(int map, const Rigid3& cam_from_world) {
   }
 }
 
+// Where a landmark is in the image, or no farther than `margin_px` outside it.
+bool PoseFinder::State::IsInImage(const Camera& camera, const Rigid3& cam_from_world,
+                                  std::uint32_t landmark, double margin_px,
+                                  Eigen::Vector2d& pixel) const {
+  return camera.Project(cam_from_world * LandmarkPosition(model, landmark), pixel) &&
+         pixel.x() > -margin_px && pixel.y() > -margin_px && pixel.x() < camera.width + margin_px &&
+         pixel.y() < camera.height + margin_px;
+}
+
+// Calls visit(feature, squared distance in the image) for the features of a landmark's sign that
+// are no farther from where it must be seen.
+template <typename Visit>
+void PoseFinder::State::ForEachNear(const FeatureSet& features, std::uint32_t landmark,
+                                    const Eigen::Vector2d& pixel, double radius_px,
+                                    const Visit& visit) const {
+  grid.ForEachNear(pixel.x(), pixel.y(), radius_px, [&](int f) {
+    const Keypoint& keypoint = features.keypoints()[f];
+    const double dx = double{keypoint.x} - pixel.x();
+    const double dy = double{keypoint.y} - pixel.y();
+    const double distance2 = dx * dx + dy * dy;
+    if (distance2 > radius_px * radius_px) return;
+    if (keypoint.laplacian_sign == landmarks.laplacian_sign[landmark]) visit(f, distance2);
+  });
+}
+
+std::int32_t PoseFinder::State::SquaredDistanceTo(const FeatureSet& features, int f,
+                                                  std::uint32_t landmark) const {
+  return SquaredDistance(features.descriptor(f).data(),
+                         &landmarks.descriptors[std::size_t(landmark) * dim], dim);
+}
+
 // Features with candidates by place and descriptor: each candidate takes the most alike
 // feature near where it must be seen, each feature its most alike candidate.
 void PoseFinder::State::MatchGuided(const FeatureSet& features, const Camera& camera,
                                     const Rigid3& cam_from_world, double radius_px) {
   std::fill(landmark_of_feature.begin(), landmark_of_feature.end(), -1);
   const std::int32_t limit = options.max_guided_distance * options.max_guided_distance;
-  const double radius2 = radius_px * radius_px;
   for (const std::uint32_t l : candidates) {
     Eigen::Vector2d pixel;
-    if (!camera.Project(cam_from_world * LandmarkPosition(model, l), pixel)) continue;
-    if (!(pixel.x() > -radius_px && pixel.y() > -radius_px &&
-          pixel.x() < camera.width + radius_px && pixel.y() < camera.height + radius_px)) {
-      continue;
-    }
+    if (!IsInImage(camera, cam_from_world, l, radius_px, pixel)) continue;
     int best = -1;
     std::int32_t best_distance = limit;
-    grid.ForEachNear(pixel.x(), pixel.y(), radius_px, [&](int f) {
-      const Keypoint& keypoint = features.keypoints()[f];
-      const double dx = double{keypoint.x} - pixel.x();
-      const double dy = double{keypoint.y} - pixel.y();
-      if (dx * dx + dy * dy > radius2 || keypoint.laplacian_sign != landmarks.laplacian_sign[l]) {
-        return;
-      }
-      const std::int32_t distance = SquaredDistance(
-          features.descriptor(f).data(), &landmarks.descriptors[std::size_t(l) * dim], dim);
+    ForEachNear(features, l, pixel, radius_px, [&](int f, double) {
+      const std::int32_t distance = SquaredDistanceTo(features, f, l);
       if (distance < best_distance) {
         best_distance = distance;
         best = f;
@@ -494,10 +519,7 @@ void PoseFinder::State::Describe(const Camera& camera, FoundPose& found) {
   ImageParts expected = {}, agreeing = {};
   for (const std::uint32_t l : LandmarksOf(found.keyframe_idx)) {
     Eigen::Vector2d pixel;
-    const bool seen =
-        camera.Project(found.pose.cam_from_world * LandmarkPosition(model, l), pixel) &&
-        pixel.x() > 0 && pixel.y() > 0 && pixel.x() < camera.width && pixel.y() < camera.height;
-    if (!seen) continue;
+    if (!IsInImage(camera, found.pose.cam_from_world, l, 0, pixel)) continue;
     found.expected += RarityOf(l);
     ++expected[PartOf(camera, pixel)];
   }
@@ -571,8 +593,7 @@ Likeness PoseFinder::State::LikenessOf(const FeatureSet& features, int f,
                                        std::uint32_t landmark) const {
   const auto length = [](std::int32_t squared) { return std::sqrt(static_cast<float>(squared)); };
   Likeness likeness;
-  likeness.distance = length(SquaredDistance(
-      features.descriptor(f).data(), &landmarks.descriptors[std::size_t(landmark) * dim], dim));
+  likeness.distance = length(SquaredDistanceTo(features, f, landmark));
   if (!features.has_chroma() || landmarks.chroma.empty()) return likeness;
   const auto steps = landmarks.chroma.subspan(std::size_t(landmark) * kChromaDim, kChromaDim);
   if (steps[0] == kNoLandmarkChroma) return likeness;
@@ -593,22 +614,10 @@ void PoseFinder::State::Compare(const FeatureSet& features, const FoundPose& fou
   std::fill_n(likeness.begin(), features.size(), Likeness());
   for (const std::uint32_t l : candidates) {
     Eigen::Vector2d pixel;
-    if (!found.camera.Project(found.pose.cam_from_world * LandmarkPosition(model, l), pixel)) {
-      continue;
-    }
-    if (!(pixel.x() >= 0 && pixel.y() >= 0 && pixel.x() < found.camera.width &&
-          pixel.y() < found.camera.height)) {
-      continue;
-    }
-    grid.ForEachNear(pixel.x(), pixel.y(), options.guided_radius_px, [&](int f) {
-      const Keypoint& keypoint = features.keypoints()[f];
-      const double limit = std::min(kInlierSigma * SigmaOf(keypoint), options.guided_radius_px);
-      const double dx = double{keypoint.x} - pixel.x();
-      const double dy = double{keypoint.y} - pixel.y();
-      if (dx * dx + dy * dy > limit * limit ||
-          keypoint.laplacian_sign != landmarks.laplacian_sign[l]) {
-        return;
-      }
+    if (!IsInImage(found.camera, found.pose.cam_from_world, l, 0, pixel)) continue;
+    ForEachNear(features, l, pixel, options.guided_radius_px, [&](int f, double distance2) {
+      const double limit = kInlierSigma * SigmaOf(features.keypoints()[f]);
+      if (distance2 > limit * limit) return;
       const Likeness here = LikenessOf(features, f, l);
       if (likeness[f].distance < 0 || here.distance < likeness[f].distance) likeness[f] = here;
     });
