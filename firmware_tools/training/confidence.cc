@@ -46,6 +46,22 @@ Curve NewtonStep(std::span<const Outcome> outcomes, const Targets& targets, cons
   return {-(h11 * g0 - h01 * g1) / det, -(h00 * g1 - h01 * g0) / det};
 }
 
+// The largest k for which k or more of n are wrong with a probability of at least `chance`, each
+// being wrong with probability `share`.
+int MostByChance(int n, double share, double chance) {
+  if (chance >= 1 || share <= 0) return 0;
+  if (share >= 1) return n;
+  double log_exactly = n * std::log1p(-share);  // k are wrong; its logarithm, as it may be tiny
+  double more = 1 - std::exp(log_exactly);
+  int k = 0;
+  while (k < n && more >= chance) {
+    ++k;
+    log_exactly += std::log(share / (1 - share) * (n - k + 1) / k);
+    more -= std::exp(log_exactly);
+  }
+  return k;
+}
+
 }  // namespace
 
 ModelConfidence FitConfidence(std::span<const Outcome> outcomes) {
@@ -98,7 +114,7 @@ double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confide
 }
 
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
-                       ModelConfidence& confidence) {
+                       ModelConfidence& confidence, double chance) {
   std::vector<Outcome> sorted(outcomes.begin(), outcomes.end());
   std::stable_sort(sorted.begin(), sorted.end(),
                    [](const Outcome& a, const Outcome& b) { return a.margin > b.margin; });
@@ -106,7 +122,10 @@ void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
   double wrong = 0;
   for (std::size_t i = 0; i < sorted.size(); ++i) {
     wrong += sorted[i].right ? 0 : 1;
-    if (wrong <= wrong_share * static_cast<double>(i + 1)) answered = i + 1;
+    const auto size = static_cast<int>(i + 1);
+    if (wrong <= wrong_share * size || wrong <= MostByChance(size, wrong_share, chance)) {
+      answered = i + 1;
+    }
   }
   // The first that is not answered is wrong, or the set would be wider.
   if (answered == sorted.size() || confidence.slope == 0) return;

@@ -36,8 +36,10 @@ double LogLoss(std::span<const Outcome> outcomes, const ModelConfidence& confide
 
 // Raises the curve's threshold, where need be, so far that of the outcomes answered no more than
 // `wrong_share` are wrong, whatever their weights: the widest set of greatest margins for which
-// that holds is answered.
+// that holds is answered. With a `chance` below 1 so many wrong ones are borne as would be there
+// with that probability if the share of all such answers were `wrong_share`: few outcomes cannot
+// tell half a per cent from one.
 void LimitWrongAnswers(std::span<const Outcome> outcomes, double wrong_share,
-                       ModelConfidence& confidence);
+                       ModelConfidence& confidence, double chance = 1);
 
 }  // namespace viewfix

@@ -236,7 +236,7 @@ ModelPoseConfidence FitPoseConfidence(std::span<const PoseOutcome> outcomes,
     if (!o.of_hidden_place) of_known.push_back({weights.dot(RowOf(o.cues)), o.right});
   }
   ModelConfidence limit = {0, 1, 0.5F};
-  LimitWrongAnswers(of_known, options.wrong_share, limit);
+  LimitWrongAnswers(of_known, options.wrong_share, limit, options.chance);
   curve.threshold = limit.threshold;
   return curve;
 }

@@ -27,8 +27,10 @@ struct PoseConfidenceOptions {
   // look-alike places one taken out is named after its twin, which no cue can tell. The museum,
   // seed 4: with 1, a tenth of the right poses would be withheld, with 0.3 one in thirty.
   double hidden_weight = 0.3;
-  // Share of the answers to frames of places in the model that may be wrong.
+  // Share of the answers to frames of places in the model that may be wrong; answers are withheld
+  // where held-out frames speak against it beyond a chance of so much.
   double wrong_share = 0.005;
+  double chance = 0.05;
   int jobs = 0;  // 0: all cores
 };
 
@@ -58,7 +60,7 @@ std::vector<PoseOutcome> HoldOutPoses(const PoseConfidenceSource& source,
 
 // Logistic regression with a small ridge and Platt's smoothed targets; a cue that would count
 // against a pose is left out. The threshold is one half, or more where else more than wrong_share
-// of the answers to frames of places in the model were wrong.
+// of the answers to frames of places in the model were wrong (LimitWrongAnswers).
 ModelPoseConfidence FitPoseConfidence(std::span<const PoseOutcome> outcomes,
                                       const PoseConfidenceOptions& options);
 

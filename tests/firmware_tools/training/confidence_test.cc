@@ -94,6 +94,37 @@ TEST(LimitWrongAnswers, KeepsTheShareOfTheOutcomes) {
   }
 }
 
+// Of 120 answers 0.5 % are wrong. Two or more then are in 12 of 100 such sets, three or more in 2.
+TEST(LimitWrongAnswers, BearsWhatChanceExplains) {
+  for (const int wrong : {1, 2, 3}) {
+    std::vector<Outcome> outcomes;
+    for (int i = 0; i < 120; ++i) {
+      // At the least margins, where a higher threshold withholds them.
+      outcomes.push_back({1 - 0.005 * i, i < 120 - wrong});
+    }
+    ModelConfidence curve = {0, 1, 0.5F};
+    LimitWrongAnswers(outcomes, 0.005, curve, 0.05);
+    EXPECT_EQ(curve.threshold > 0.5F, wrong > 2) << wrong;
+    ModelConfidence strict = {0, 1, 0.5F};
+    LimitWrongAnswers(outcomes, 0.005, strict);
+    EXPECT_GT(strict.threshold, 0.5F) << wrong;
+    ModelConfidence none = {0, 1, 0.5F};
+    LimitWrongAnswers(outcomes, 0, none, 0.05);
+    EXPECT_EQ(ShareWrongOf(outcomes, none), 0) << wrong;
+  }
+}
+
+// Of many answers little more than the share: 5 % of 40,000 are 2000, with a deviation of 44.
+TEST(LimitWrongAnswers, ChanceExplainsLittleOfMany) {
+  for (const int wrong : {2060, 2090}) {
+    std::vector<Outcome> outcomes;
+    for (int i = 0; i < 40000; ++i) outcomes.push_back({1 - 1e-5 * i, i < 40000 - wrong});
+    ModelConfidence curve = {0, 1, 0.5F};
+    LimitWrongAnswers(outcomes, 0.05, curve, 0.05);
+    EXPECT_EQ(curve.threshold > 0.5F, wrong == 2090) << wrong;
+  }
+}
+
 TEST(LimitWrongAnswers, WhereNoneAreWrongTheThresholdStays) {
   const std::vector<Outcome> right(10, Outcome{0.5, true});
   ModelConfidence curve = FitConfidence(right);

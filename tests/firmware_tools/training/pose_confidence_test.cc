@@ -52,7 +52,8 @@ TEST(FitPoseConfidence, SeparableAndOneSidedOutcomesStayFinite) {
 TEST(FitPoseConfidence, TheThresholdLimitsWrongAnswers) {
   auto outcomes = Draw({-2, {1, 2, 0}, 0}, 4000);
   for (int i = 0; i < 500; ++i) outcomes.push_back({{1.8F, 1.8F, 1.8F}, false, true});
-  const auto found = FitPoseConfidence(outcomes, {.hidden_weight = 0.01, .wrong_share = 0.05});
+  const auto found =
+      FitPoseConfidence(outcomes, {.hidden_weight = 0.01, .wrong_share = 0.05, .chance = 1});
   int answered = 0, wrong = 0;
   for (const PoseOutcome& o : outcomes) {
     if (o.of_hidden_place || PoseConfidence(found, o.cues) < found.threshold) continue;
