@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <vector>
 
@@ -15,6 +16,8 @@ namespace {
 
 constexpr double kMaxSteps = 32767;
 constexpr int kNone = -1;
+constexpr double kFewOutside = 0.02;  // of a map's new landmarks
+constexpr std::uint32_t kLeftOut = std::numeric_limits<std::uint32_t>::max();
 
 int MapOf(const ModelData& data, std::uint32_t landmark) {
   const auto after = std::upper_bound(data.map_begin.begin(), data.map_begin.end(), landmark);
@@ -184,6 +187,7 @@ class MapMerger {
         model_.map_step.push_back(fresh_.map_step[m]);
         model_.map_metric.push_back(fresh_.map_metric.empty() ? 0 : fresh_.map_metric[m]);
       }
+      if (target_[m] < NumBaseMaps()) DropFewOutside(target_[m], coming[m]);
       auto& to = fresh[target_[m]];
       to.insert(to.end(), coming[m].begin(), coming[m].end());
     }
@@ -193,6 +197,20 @@ class MapMerger {
       maps.push_back(FillHoles(std::move(slots[m]), fresh[m]));
     }
     return maps;
+  }
+
+  // Where few of a map's new landmarks lie beyond the base's frame, they are left out: mostly far
+  // and badly known, they would have all positions rounded anew, and a delta hold them all.
+  void DropFewOutside(int map, std::vector<Source>& coming) {
+    const auto is_outside = [&](const Source& source) {
+      return ReachOf(map, Position(source)) > LastStep(map);
+    };
+    const auto outside = static_cast<double>(std::ranges::count_if(coming, is_outside));
+    if (outside > kFewOutside * static_cast<double>(coming.size())) return;
+    for (const Source& source : coming) {
+      if (is_outside(source)) number_of_fresh_[source.landmark] = kLeftOut;
+    }
+    std::erase_if(coming, is_outside);
   }
 
   Eigen::Vector3d Position(const Source& source) const {
@@ -240,13 +258,19 @@ class MapMerger {
     return {double{origin[0]}, double{origin[1]}, double{origin[2]}};
   }
 
+  double ReachOf(int map, const Eigen::Vector3d& position) const {
+    return (position - Origin(map)).cwiseAbs().maxCoeff();
+  }
+
+  double LastStep(int map) const { return kMaxSteps * double{model_.map_step[map]}; }
+
   // The origin stays, the steps become longer, where a position lies beyond the last one.
   bool GrowFrame(int map, const std::vector<Eigen::Vector3d>& positions) {
     double reach = 0;
     for (const Eigen::Vector3d& position : positions) {
-      reach = std::max(reach, (position - Origin(map)).cwiseAbs().maxCoeff());
+      reach = std::max(reach, ReachOf(map, position));
     }
-    if (reach <= kMaxSteps * double{model_.map_step[map]}) return false;
+    if (reach <= LastStep(map)) return false;
     model_.map_step[map] = static_cast<float>(reach * 1.0001 / kMaxSteps);
     return true;
   }
@@ -272,7 +296,9 @@ class MapMerger {
         for (const std::uint32_t l : SeenBy(base_, other)) seen.push_back(number_of_base_[l]);
       } else {
         MovePose(k);
-        for (const std::uint32_t l : SeenBy(fresh_, k)) seen.push_back(number_of_fresh_[l]);
+        for (const std::uint32_t l : SeenBy(fresh_, k)) {
+          if (number_of_fresh_[l] != kLeftOut) seen.push_back(number_of_fresh_[l]);
+        }
       }
       std::sort(seen.begin(), seen.end());
       model_.keyframe_landmarks.insert(model_.keyframe_landmarks.end(), seen.begin(), seen.end());

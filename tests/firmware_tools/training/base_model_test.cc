@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <numeric>
 #include <set>
 
 #include "firmware_tools/dataset/image_set.h"
@@ -162,6 +163,35 @@ TEST(BaseModelTest, AMapThatReachesFartherKeepsItsPlace) {
   EXPECT_EQ(model.map_origin[0], base.data.map_origin[0]);
   EXPECT_GT(model.map_step[0], base.data.map_step[0]);
   EXPECT_EQ(model.map_step[1], base.data.map_step[1]) << "the other map is as it was";
+}
+
+// One new landmark of 80 is twice as far away as the base's frame reaches.
+TEST(BaseModelTest, FewLandmarksBeyondAMapAreLeftOut) {
+  BaseModel base{NamedModel(), "id"};
+  AddTinyMaps(base.data);
+  base.data.map_begin = {0, 40};
+  base.data.map_origin.resize(1);
+  base.data.map_step.resize(1);
+  base.data.map_metric.resize(1);
+  ModelData model = TrainedAgain(base.data);
+  const auto twice = [](auto& rows) {
+    const auto once = rows;
+    rows.insert(rows.end(), once.begin(), once.end());
+  };
+  twice(model.landmark_position);
+  twice(model.landmark_descriptors);
+  twice(model.landmark_laplacian_sign);
+  twice(model.landmark_rarity);
+  model.map_begin = {0, 80};
+  model.keyframe_landmarks.resize(80);
+  std::iota(model.keyframe_landmarks.begin(), model.keyframe_landmarks.end(), 0U);
+  model.keyframe_landmark_begin = {0, 80, 80, 80, 80, 80, 80, 80, 80};
+  model.map_step[0] *= 2;
+  model.landmark_position[79] = {32767, 0, 0};
+  EXPECT_FALSE(KeepUnchanged(base, true, model).frame_grew);
+  ASSERT_TRUE(WriteModel(model).ok()) << WriteModel(model).status().text();
+  EXPECT_EQ(model.map_step, base.data.map_step);
+  EXPECT_EQ(SeenBy(model, 0).size(), 79U);
 }
 
 TEST(BaseModelTest, MapsFromPhotographsAreMovedToTheBases) {
