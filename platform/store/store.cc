@@ -312,6 +312,9 @@ Result<ModelOfStore> Store::LoadModel(const std::string& id, const ContentHash* 
   }
   if (!trust_.development) {
     const auto text = ReadStoreText(files_, SignatureFile(id), kMaxSignatureBytes);
+    if (text.status().code() == StatusCode::kNotFound) {
+      return Status(StatusCode::kNotFound, "the model is not signed", ModelFile(id));
+    }
     if (!text.ok()) return text.status();
     const Result<Signature> signature = ParseSignature(*text);
     if (!signature.ok()) return AboutFile(SignatureFile(id), signature.status());

@@ -137,7 +137,8 @@ TEST_F(StoreTest, DevelopmentTakesUnsignedModels) {
   ASSERT_TRUE(Install(store, offer, Send(first_)).ok());
   EXPECT_EQ(store.Load()->bytes, first_);
   trust_.development = false;
-  EXPECT_FALSE(store.Load().ok()) << "no longer in development";
+  EXPECT_STREQ(store.Load().status().text(), "the model is not signed")
+      << "no longer in development";
 }
 
 TEST_F(StoreTest, WhatIsNoModelIsRefusedAfterItsSignature) {
