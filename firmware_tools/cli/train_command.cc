@@ -320,8 +320,8 @@ void AddTrain(CLI::App& app) {
       ->add_option(
           "--max-wrong", flags->max_wrong,
           "percent of the answers that may name a wrong location, by held-out photographs, "
-          "for all that the model answers by: the fewer, the fewer frames are answered; if "
-          "not given " +
+          "for all that the model answers by (of poses, more than chance explains): the fewer, "
+          "the fewer frames are answered; if not given " +
               DefaultShares() + ". What is more likely wrong than right is never answered")
       ->check(NumberIn(0.01, 50));
   command->add_option("--histogram", flags->histogram, "hellinger, or l1 as in the paper")

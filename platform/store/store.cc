@@ -23,6 +23,7 @@ namespace {
 constexpr std::array<const char*, 2> kPointers = {"pointer-0", "pointer-1"};
 constexpr std::string_view kModelSuffix = ".vfx";
 constexpr std::string_view kSignatureSuffix = ".minisig";
+constexpr const char* kNotSigned = "the model is not signed";
 constexpr std::string_view kPartPrefix = "part-";
 constexpr std::string_view kTemporaryPrefix = "tmp-";
 // Left free beside the model: pointers, a signature, what else the disk is for.
@@ -178,7 +179,7 @@ Status Store::CheckOffer(const ModelOffer& offer) const {
   }
   if (offer.signature.empty()) {
     if (trust_.development) return {};
-    return {StatusCode::kInvalidArgument, "the model is not signed"};
+    return {StatusCode::kInvalidArgument, kNotSigned};
   }
   const Result<Signature> signature = ParseSignature(offer.signature);
   if (!signature.ok()) return signature.status();
@@ -313,7 +314,7 @@ Result<ModelOfStore> Store::LoadModel(const std::string& id, const ContentHash* 
   if (!trust_.development) {
     const auto text = ReadStoreText(files_, SignatureFile(id), kMaxSignatureBytes);
     if (text.status().code() == StatusCode::kNotFound) {
-      return Status(StatusCode::kNotFound, "the model is not signed", ModelFile(id));
+      return Status(StatusCode::kNotFound, kNotSigned, ModelFile(id));
     }
     if (!text.ok()) return text.status();
     const Result<Signature> signature = ParseSignature(*text);

@@ -28,6 +28,16 @@ ModelData NamedModel() {
   return data;
 }
 
+BaseModel BaseOfOneMap() {
+  BaseModel base{NamedModel(), "id"};
+  AddTinyMaps(base.data);
+  base.data.map_begin = {0, 40};
+  base.data.map_origin.resize(1);
+  base.data.map_step.resize(1);
+  base.data.map_metric.resize(1);
+  return base;
+}
+
 // Trained again, with one photograph of the first location replaced, everything came out different.
 ModelData TrainedAgain(const ModelData& base) {
   ModelData model = base;
@@ -167,12 +177,7 @@ TEST(BaseModelTest, AMapThatReachesFartherKeepsItsPlace) {
 
 // One new landmark of 80 is twice as far away as the base's frame reaches.
 TEST(BaseModelTest, FewLandmarksBeyondAMapAreLeftOut) {
-  BaseModel base{NamedModel(), "id"};
-  AddTinyMaps(base.data);
-  base.data.map_begin = {0, 40};
-  base.data.map_origin.resize(1);
-  base.data.map_step.resize(1);
-  base.data.map_metric.resize(1);
+  const BaseModel base = BaseOfOneMap();
   ModelData model = TrainedAgain(base.data);
   const auto twice = [](auto& rows) {
     const auto once = rows;
@@ -195,12 +200,7 @@ TEST(BaseModelTest, FewLandmarksBeyondAMapAreLeftOut) {
 }
 
 TEST(BaseModelTest, MapsFromPhotographsAreMovedToTheBases) {
-  BaseModel base{NamedModel(), "id"};
-  AddTinyMaps(base.data);
-  base.data.map_begin = {0, 40};
-  base.data.map_origin.pop_back();
-  base.data.map_step.pop_back();
-  base.data.map_metric.pop_back();
+  BaseModel base = BaseOfOneMap();
   // Where four photographs of the kept location stand is known, not on a line.
   for (const int k : {4, 5, 6, 7}) {
     base.data.keyframe_has_pose[k] = 1;
