@@ -2,12 +2,15 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Figures on real image sets beyond their own split, which no parameter was chosen on.
 
-  tests/real/protocols.py [NAME]...   rotated, gap, floors, corridor; all of them if none is named
+  tests/real/protocols.py [NAME]...   rotated, gap, floors, corridor, stretches; all of them if none is
+                                 named
 
 rotated:  IE Tower, frame number mod 5 = k as test, k = 0..4
 gap:      IE Tower, the first 60 % of each clip as training, the last 40 % but three frames as test
 floors:   IE Tower, trained on floors 3-9, asked about floors 10-16 and the basements
 corridor: RTAB-Map's corridor, first lap as training (areas of ten frames), second as test
+stretches: HoloLens with given poses, stretches of the walk as test: the last or the first 40 %, 35 %
+          in the middle, every second 40, 20, 10 frames
 Looks for the sets in $VIEWFIX_DATA, else ../shared/data. Needs build/host-release. Models, sets and
 figures are left in build/real/protocols.
 """
@@ -15,6 +18,7 @@ import csv
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 
@@ -22,7 +26,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 DATA = pathlib.Path(os.environ.get("VIEWFIX_DATA", ROOT / ".." / "shared" / "data")).resolve()
 OUT = ROOT / "build" / "real" / "protocols"
 VIEWFIX = ROOT / "build" / "host-release" / "bin" / "viewfix"
-WORDS = "2000"
+TOWER_WORDS, USUAL_WORDS = "2000", "500"
 
 
 def tower():
@@ -31,13 +35,19 @@ def tower():
         return [row | {"number": int(pathlib.Path(row["path"]).stem)} for row in csv.DictReader(file)]
 
 
-def write_set(name, images, rows):
-    """A set of (path, location, split) beside a link to the images of another."""
+def make_folder(name, images):
+    """The folder of a set, with a link to the images of another."""
     folder = OUT / name
     folder.mkdir(parents=True, exist_ok=True)
     link = folder / "images"
     if not link.exists():
         link.symlink_to(images)
+    return folder
+
+
+def write_set(name, images, rows):
+    """A set of (path, location, split) beside a link to the images of another."""
+    folder = make_folder(name, images)
     with open(folder / "images.csv", "w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["path", "location", "split"])
@@ -45,10 +55,10 @@ def write_set(name, images, rows):
     return folder
 
 
-def train_and_eval(name, folder, *options):
+def train_and_eval(name, folder, *options, words=TOWER_WORDS):
     model, figures = OUT / f"{name}.vfx", OUT / f"{name}.json"
     with open(OUT / f"{name}.log", "w") as log:
-        for command in (["train", folder, "--out", model, "--words", WORDS],
+        for command in (["train", folder, "--out", model, "--words", words],
                         ["eval", folder, "--model", model, "--json", figures, *options]):
             subprocess.run([VIEWFIX, *command], check=True, stdout=log, stderr=log)
     return json.loads(figures.read_text())
@@ -116,9 +126,42 @@ def corridor():
     print(f"corridor: within one area of the right one {near} of {figures['images']}")
 
 
+def is_right(frame):
+    return frame["translation_error_m"] <= 0.5 and frame["rotation_error_deg"] <= 10
+
+
+def stretches():
+    source = DATA / "hololens"
+    with open(source / "images.csv", newline="") as file:
+        reader = csv.DictReader(file)
+        columns, rows = reader.fieldnames, list(reader)
+    size = len(rows)
+    splits = {"last": lambda i: i >= 0.6 * size, "first": lambda i: i < 0.4 * size,
+              "middle": lambda i: 0.3 * size <= i < 0.65 * size}
+    splits |= {f"every_{n}": lambda i, n=n: i // n % 2 == 1 for n in (40, 20, 10)}
+    total = given = right = 0
+    for name, is_test in splits.items():
+        folder = make_folder(f"stretches_{name}", source / "images")
+        shutil.copy(source / "calibration.yaml", folder)
+        with open(folder / "images.csv", "w", newline="") as file:
+            writer = csv.DictWriter(file, columns)
+            writer.writeheader()
+            writer.writerows(row | {"split": "test" if is_test(i) else "train"}
+                             for i, row in enumerate(rows))
+        figures = train_and_eval(f"stretches_{name}", folder, words=USUAL_WORDS)
+        poses = [f for f in figures["frames"] if f["localized"] and f["translation_error_m"] is not None]
+        right_here = sum(map(is_right, poses))
+        print(f"stretches, {name}: of {figures['images']} images {len(poses)} have a pose, "
+              f"{len(poses) - right_here} of these off by more than 0.5 m or 10 degrees", flush=True)
+        total, given, right = total + figures["images"], given + len(poses), right + right_here
+    print(f"stretches: of {total} images {given} have a pose, {given - right} of these off by more "
+          "than 0.5 m or 10 degrees")
+
+
 def main():
-    names = sys.argv[1:] or ["rotated", "gap", "floors", "corridor"]
-    known = {"rotated": rotated, "gap": gap, "floors": floors, "corridor": corridor}
+    known = {"rotated": rotated, "gap": gap, "floors": floors, "corridor": corridor,
+             "stretches": stretches}
+    names = sys.argv[1:] or list(known)
     if any(name not in known for name in names):
         print(__doc__)
         sys.exit(0 if names[0] in ("-h", "--help") else 2)

@@ -48,6 +48,16 @@ TEST(FitPoseConfidence, SeparableAndOneSidedOutcomesStayFinite) {
   }
 }
 
+// Of a site whose held-out frames lie near its photographs, all are right; poses of few landmarks,
+// a small part of what should be seen, are not believed for it.
+TEST(FitPoseConfidence, RightOutcomesAloneDoNotVouchForPoorPoses) {
+  const std::vector<PoseOutcome> outcomes(80, {{1.5F, 0.8F, 1}, true});
+  const auto found = FitPoseConfidence(outcomes, {});
+  EXPECT_GT(PoseConfidence(found, {1.5F, 0.8F, 1}), 0.95F);
+  EXPECT_GT(PoseConfidence(found, {0.6F, 0.3F, 1}), found.threshold);
+  EXPECT_LT(PoseConfidence(found, {0.4F, 0.07F, 0.2F}), found.threshold);
+}
+
 // The threshold keeps its promise on the frames it was fitted on, those of hidden places aside.
 TEST(FitPoseConfidence, TheThresholdLimitsWrongAnswers) {
   auto outcomes = Draw({-2, {1, 2, 0}, 0}, 4000);
