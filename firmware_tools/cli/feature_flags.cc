@@ -23,8 +23,10 @@ void AddFeatureFlags(CLI::App& command, FeatureOptions& options) {
           "laptop only)")
       ->check(CLI::IsMember(kTypes));
   command
-      .add_option("--max-features", options.max_features,
-                  "features an image; where `train` has no map to check places by, 1600")
+      .add_option(
+          "--max-features", options.max_features,
+          "features an image; for `train` 1500 where it makes a map, 1600 where it has none "
+          "to check places by")
       ->check(CLI::Range(16, 8192))
       ->capture_default_str();
   command

@@ -218,6 +218,9 @@ bool HasMap(const ImageSet& set, MapSource source) {
           }));
 }
 
+// As many as a map from photographs takes anyway: a frame that was taken far from all photographs
+// shows few landmarks, and more features find more of them (ARCHITECTURE.md, 123).
+constexpr int kFeaturesWithMap = 1500;
 // Where no landmarks will tell places apart, details do, of as many features as there is time for,
 // and with their colours. IE Tower's training split, four of five folds, area right: 87.2 % with
 // 800, 88.9 % with 1600.
@@ -227,8 +230,9 @@ void ChooseFeatures(const TrainFlags& flags, bool map, FeatureOptions& features)
   if (!flags.features_given) {
     features.type = map ? FeatureType::kSurfChroma : FeatureType::kColorSurf;
   }
-  if (map) return;
-  if (!flags.max_features_given) features.max_features = kFeaturesWithoutMap;
+  if (!flags.max_features_given) {
+    features.max_features = map ? kFeaturesWithMap : kFeaturesWithoutMap;
+  }
 }
 
 void RunTrain(const TrainFlags& flags) {

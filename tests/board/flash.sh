@@ -33,7 +33,8 @@ make_models() {
   step "A small museum and two models of it"
   "$VIEWFIX" simulate --out "$WORK/museum" --seed 1 --images-per-view 7
   for seed in 0 1; do
-    "$VIEWFIX" train "$WORK/museum" --out "$WORK/$seed.vfx" --words 200 --seed "$seed"
+    "$VIEWFIX" train "$WORK/museum" --out "$WORK/$seed.vfx" --words 200 --max-features 800 \
+      --seed "$seed"
   done
   "$VIEWFIX" keygen --out "$WORK/museum" --no-password
 }

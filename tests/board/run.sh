@@ -79,8 +79,9 @@ make_museum() {
   set=$WORK/museum
   model=$WORK/museum.vfx
   "$HOST_BIN/viewfix" simulate --out "$set" --seed 1 --images-per-view 7
-  # Without colours, as the loopback's frames are.
-  "$HOST_BIN/viewfix" train "$set" --out "$model" --words 200 --features surf
+  # Without colours, as the loopback's frames are; as few features as an emulated processor has
+  # time for.
+  "$HOST_BIN/viewfix" train "$set" --out "$model" --words 200 --features surf --max-features 800
 }
 
 # Pictures of the set's test frames, and beside them one that shows nothing.
@@ -157,7 +158,8 @@ make_disk() {
   mkdir -p "$root/models" "$root/trust"
   touch "$root/trust/development"
   cp "$model" "$root/models/a.vfx"
-  "$HOST_BIN/viewfix" train "$set" --out "$root/models/b.vfx" --words 100 > /dev/null
+  "$HOST_BIN/viewfix" train "$set" --out "$root/models/b.vfx" --words 100 --max-features 800 \
+    > /dev/null
   "$HOST_BIN/viewfixd" store install "$root/models/a.vfx" "${store[@]}"
   PATH=$PATH:/usr/sbin mke2fs -q -t ext4 -d "$root" "$WORK/disk.img" 64M
 }

@@ -91,11 +91,12 @@ print_table() {
 }
 
 main() {
-  local frames=12 real=0 arch name small_museum=(--images-per-view 7) few_words=(--words 200)
+  local frames=12 real=0 arch name
+  local small_museum=(--images-per-view 7) small_model=(--words 200 --max-features 800)
   while [[ $# -gt 0 ]]; do
     case $1 in
       -h | --help) print_help; return ;;
-      --full) frames='' real=1 small_museum=() few_words=() ;;
+      --full) frames='' real=1 small_museum=() small_model=() ;;
       --frames)
         [[ ${2:-} =~ ^[1-9][0-9]*$ ]] || usage_error "--frames takes a number"
         frames=$2 real=1
@@ -121,9 +122,9 @@ main() {
   rm -rf "$WORK"
   mkdir -p "$WORK"
   "$HOST_BIN/viewfix" simulate --out "$WORK/museum" --seed 1 "${small_museum[@]}"
-  train "$WORK/museum" "$WORK/museum.vfx" "${few_words[@]}"
+  train "$WORK/museum" "$WORK/museum.vfx" "${small_model[@]}"
   compare_set museum "$WORK/museum" "$WORK/museum.vfx" "$frames"
-  train "$WORK/museum" "$WORK/colours.vfx" --map none "${few_words[@]}"
+  train "$WORK/museum" "$WORK/colours.vfx" --map none "${small_model[@]}"
   compare_set colours "$WORK/museum" "$WORK/colours.vfx" "${frames:+8}"
   if [[ $real -eq 1 && -d $DATA/hololens ]]; then
     train "$DATA/hololens" "$WORK/hololens.vfx"
