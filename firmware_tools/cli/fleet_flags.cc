@@ -39,7 +39,7 @@ void AddFleetFlags(CLI::App& command, FleetFlags& flags) {
   command.add_option("--boards", flags.boards, "a file of such addresses, one a line");
   command.add_option("--trust", flags.link.trust,
                      "the board's folder of trusted keys; default: /etc/viewfix/trust, on a card "
-                     "the card's, beside another folder its own trust/");
+                     "the card's, of another folder its trust/");
   command.add_option("--board-program", flags.link.program, "viewfixd on the board")
       ->capture_default_str();
   command.add_option("--baud", flags.link.baud, "of a serial line")->capture_default_str();

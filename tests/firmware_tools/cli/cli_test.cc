@@ -196,6 +196,23 @@ TEST_F(CliTest, AMapUnderPosesNeedsACalibration) {
   EXPECT_THAT(train.err, HasSubstr("site/calibration.yaml is wanted"));
 }
 
+// As many as there is time for; those of a map keep colours beside their descriptors.
+TEST_F(CliTest, FeaturesAreChosenByWhatTellsPlacesApart) {
+  const std::string site = SiteWithPoses();
+  const auto features_with = [&](const std::vector<std::string>& flags) {
+    std::vector<std::string> command = {"train", site, "--out", Model(), "--words", "20"};
+    command.insert(command.end(), flags.begin(), flags.end());
+    EXPECT_EQ(Viewfix(command).exit_code, 0);
+    return Viewfix({"inspect", Model()}).out;
+  };
+  EXPECT_THAT(features_with({}), HasSubstr("surf-chroma version 1, 1500 a frame"));
+  EXPECT_THAT(features_with({"--map", "none"}), HasSubstr("color-surf version 1, 1600 a frame"));
+  EXPECT_THAT(features_with({"--map", "none", "--details", "0"}),
+              HasSubstr(" surf version 1, 800 a frame"));
+  EXPECT_THAT(features_with({"--features", "surf", "--max-features", "100"}),
+              HasSubstr(" surf version 1, 100 a frame"));
+}
+
 TEST_F(CliTest, RoomTooSmallForDetailsIsWarnedOf) {
   const std::string site = SiteWithPoses();
   const auto errors_with = [&](const std::string& megabytes) {
