@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: BSD-3-Clause
-"""Figures on real image sets beyond their own split, which no parameter was chosen on.
+"""Figures on real image sets beyond their own split, which no parameter was chosen on (but for
+stretches: 122 and 123 in ARCHITECTURE.md).
 
-  tests/real/protocols.py [NAME]...   rotated, gap, floors, corridor, stretches; all of them if none is
-                                 named
+  tests/real/protocols.py [NAME]...   rotated, gap, floors, corridor, stretches; without NAME all
 
 rotated:  IE Tower, frame number mod 5 = k as test, k = 0..4
 gap:      IE Tower, the first 60 % of each clip as training, the last 40 % but three frames as test

@@ -78,8 +78,8 @@ class PagesTest(unittest.TestCase):
         shutil.copy(next((site / 'images').rglob('*.jpg')), cls.folder / 'plan.jpg')
         align = cls.folder / 'align.csv'
         align.write_text('px,py,x,y\n0,0,0,10\n640,0,100,10\n', encoding='utf-8')
-        viewfix('train', csv_file, '--out', model, '--words', '50', '--floorplan',
-                cls.folder / 'plan.jpg', '--floorplan-align', align)
+        viewfix('train', csv_file, '--out', model, '--words', '50', '--max-features', '800',
+                '--floorplan', cls.folder / 'plan.jpg', '--floorplan-align', align)
         cls.map = cls.folder / 'map.html'
         fixes = cls.folder / 'fixes.jsonl'
         fixes.write_text(''.join(walk_of(csv_file)), encoding='utf-8')

@@ -35,7 +35,8 @@ class LivePageTest(unittest.TestCase):
         cls.addClassCleanup(folder.cleanup)
         cls.site, cls.model = os.path.join(folder.name, 'site'), os.path.join(folder.name, 'm.vfx')
         for command in (['simulate', '--out', cls.site, '--seed', '1', '--images-per-view', '4'],
-                        ['train', cls.site, '--out', cls.model, '--words', '100']):
+                        ['train', cls.site, '--out', cls.model, '--words', '100',
+                         '--max-features', '800']):
             subprocess.run([PROGRAMS.viewfix, *command], check=True, stdout=subprocess.DEVNULL,
                            stderr=subprocess.DEVNULL)
         cls.port = free_port()
